@@ -1,0 +1,3 @@
+//! Float images.
+mod raster;
+pub use raster::{LayeredImage, Raster};
