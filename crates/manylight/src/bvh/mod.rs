@@ -1,0 +1,42 @@
+//! Rays against triangles: an eight-wide bounding volume hierarchy.
+//!
+//! In: triangles with an opacity flag · Out: [`Bvh`], closest hit and any hit
+//! Paper: [Wald14] for wide nodes and triangle packs; the binary tree is built by obvhs (PLOC).
+//! Limits: at most 2^27 packs; bounds are not refitted.
+
+mod build;
+mod pack;
+mod traverse;
+
+pub use traverse::{Ray, RayHit};
+
+use pack::{Node, Pack};
+
+/// Children per node and triangles per leaf pack.
+const WIDTH: usize = 8;
+
+/// A triangle handed to the builder.
+#[derive(Clone, Copy, Debug)]
+pub struct Triangle {
+    /// Corners.
+    pub corners: [glam::Vec3; 3],
+    /// Whether every ray that meets it is stopped, without asking the caller.
+    pub opaque: bool,
+}
+
+/// A hierarchy over triangles that are known by their position in the builder's list.
+#[derive(Debug)]
+pub struct Bvh {
+    nodes: Vec<Node>,
+    packs: Vec<Pack>,
+}
+
+impl Bvh {
+    /// Memory held, bytes.
+    pub fn size_bytes(&self) -> usize {
+        self.nodes.len() * size_of::<Node>() + self.packs.len() * size_of::<Pack>()
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,108 @@
+use super::*;
+use crate::math::{Sequence, uniform_sphere};
+use glam::Vec3;
+
+fn random_triangles(count: u32, size: f32) -> Vec<Triangle> {
+    let corner = |s: &mut Sequence, scale: f32| {
+        let [x, y] = s.next_2d();
+        (Vec3::new(x, y, s.next_1d()) - 0.5) * scale
+    };
+    (0..count)
+        .map(|i| {
+            let mut s = Sequence::new(11, i);
+            let a = corner(&mut s, 10.0);
+            let corners = [a, a + corner(&mut s, size), a + corner(&mut s, size)];
+            Triangle { corners, opaque: true }
+        })
+        .collect()
+}
+
+/// Plain double-precision intersection of one triangle.
+fn reference_t(triangle: &Triangle, ray: &Ray) -> Option<f64> {
+    let [a, b, c] = triangle.corners.map(|p| p.as_dvec3());
+    let (origin, direction) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
+    let n = (b - a).cross(c - a);
+    let t = (a - origin).dot(n) / direction.dot(n);
+    let p = origin + direction * t;
+    let inside = [(a, b), (b, c), (c, a)].iter().all(|(s, e)| (*e - *s).cross(p - *s).dot(n) >= 0.0);
+    (inside && t > 0.0 && t < f64::from(ray.t_max)).then_some(t)
+}
+
+fn random_ray(i: u32) -> Ray {
+    let mut s = Sequence::new(5, i);
+    let origin = uniform_sphere(s.next_2d()) * 12.0;
+    let target = uniform_sphere(s.next_2d()) * 4.0;
+    Ray { origin, direction: target - origin, t_max: 2.0 }
+}
+
+#[test]
+fn closest_and_occluded_agree_with_a_loop_over_all_triangles() {
+    for (count, size) in [(1, 4.0), (7, 3.0), (8, 3.0), (9, 3.0), (100, 2.0), (3000, 0.8)] {
+        let triangles = random_triangles(count, size);
+        let bvh = Bvh::build(&triangles);
+        let mut differing = 0;
+        for i in 0..2000 {
+            let ray = random_ray(i);
+            let expected =
+                triangles.iter().filter_map(|t| reference_t(t, &ray)).min_by(f64::total_cmp);
+            let hit = bvh.closest(&ray, |_| true);
+            assert_eq!(hit.is_some(), bvh.occluded(&ray, |_| true));
+            let same = match (hit, expected) {
+                (Some(h), Some(t)) => (f64::from(h.t) - t).abs() < 1e-4,
+                (None, None) => true,
+                _ => false,
+            };
+            differing += u32::from(!same);
+        }
+        // A ray through an edge may round either way.
+        assert!(differing <= 1, "{differing} of 2000 rays differ over {count} triangles");
+    }
+}
+
+#[test]
+fn no_ray_slips_through_a_closed_mesh() {
+    // A fan of thin triangles around an axis: every ray downwards must be stopped.
+    let ring = |i: u32| {
+        let (sin, cos) = (i as f32 / 997.0 * std::f32::consts::TAU).sin_cos();
+        Vec3::new(cos * 3.0, 0.0, sin * 3.0)
+    };
+    let triangles: Vec<Triangle> = (0..997)
+        .map(|i| Triangle { corners: [Vec3::ZERO, ring(i), ring((i + 1) % 997)], opaque: true })
+        .collect();
+    let bvh = Bvh::build(&triangles);
+    for i in 0..20_000 {
+        let u = Sequence::new(2, i).next_2d();
+        let to = Vec3::new(u[0] * 3.0 - 1.5, 0.0, u[1] * 3.0 - 1.5);
+        let ray = Ray { origin: Vec3::new(0.1, 2.0, 0.2), direction: to * 2.0, t_max: 1.0 };
+        let ray = Ray { direction: (ray.direction - ray.origin) * 1.5, ..ray };
+        assert!(bvh.occluded(&ray, |_| true), "{to}");
+    }
+}
+
+#[test]
+fn refused_triangles_let_the_ray_through() {
+    let mut triangles = random_triangles(500, 3.0);
+    triangles.iter_mut().for_each(|t| t.opaque = false);
+    let bvh = Bvh::build(&triangles);
+    for i in 0..500 {
+        let ray = random_ray(i);
+        assert!(!bvh.occluded(&ray, |_| false));
+        let Some(first) = bvh.closest(&ray, |_| true) else { continue };
+        if let Some(second) = bvh.closest(&ray, |h| h.triangle != first.triangle) {
+            assert!(second.t >= first.t && second.triangle != first.triangle);
+        }
+    }
+}
+
+#[test]
+fn degenerate_scenes_miss_and_do_not_hang() {
+    assert!(Bvh::build(&[]).closest(&random_ray(0), |_| true).is_none());
+    assert!(!Bvh::build(&[]).occluded(&random_ray(0), |_| true));
+    let point = Triangle { corners: [Vec3::ONE; 3], opaque: true };
+    let bvh = Bvh::build(&vec![point; 1000]);
+    for i in 0..100 {
+        assert!(bvh.closest(&random_ray(i), |_| true).is_none());
+    }
+    let ray = Ray { direction: Vec3::ZERO, ..random_ray(0) };
+    assert!(bvh.closest(&ray, |_| true).is_none());
+}

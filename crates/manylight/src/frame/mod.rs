@@ -1,0 +1,289 @@
+//! The corridor: one function that reads as the list of stages.
+//!
+//! In: [`Scene`], camera, [`Settings`] · Out: [`Frame`]
+
+mod layers;
+mod stage;
+
+pub use stage::{Progress, Stage};
+
+use crate::composite::Layers;
+use crate::direct;
+use crate::emitter::Emitters;
+use crate::error::Error;
+use crate::filter;
+use crate::gather::{Gathered, brute, grid};
+use crate::math::{Sequence, hash_u32};
+use crate::reference::PathTracer;
+use crate::settings::{Method, Settings};
+use crate::surface::{Receivers, ViewFrame};
+use crate::vlight::vpl;
+use crate::world::World;
+use glam::{Vec2, Vec3};
+use manylight_scene::{Camera, Scene, Sky};
+use rayon::prelude::*;
+use stage::Clock;
+
+/// Sky rays per receiver of the brute method.
+const BRUTE_SKY_RAYS: u32 = 256;
+/// Fewest sky rays per receiver of the grid method.
+const MIN_SKY_RAYS: u32 = 4;
+/// Share of the diagonal, and most metres, of the default distance clamp.
+const DEFAULT_D_MIN: (f32, f32) = (0.01, 0.15);
+
+/// A scene prepared for rendering: build once, render many frames.
+#[derive(Debug)]
+pub struct Renderer {
+    /// Geometry and hierarchies.
+    pub world: World,
+    /// Sources of light.
+    pub emitters: Emitters,
+}
+
+/// A finished picture.
+#[derive(Clone, Debug)]
+pub struct Frame {
+    /// The picture and its parts.
+    pub layers: Layers,
+    /// What each stage took and counted, in order.
+    pub stages: Vec<Stage>,
+    /// The distance clamp that was used, metres.
+    pub d_min: f32,
+}
+
+impl Renderer {
+    /// Prepares a scene.
+    ///
+    /// Errors: a scene without triangles or without any light
+    pub fn new(scene: Scene) -> Result<Self, Error> {
+        let world = World::new(scene)?;
+        let emitters = Emitters::new(&world);
+        if emitters.is_dark() {
+            return Err(Error::Scene {
+                scene: world.scene.name,
+                problem: "nothing in it shines; add a light, a sky or an emissive material"
+                    .to_owned(),
+            });
+        }
+        Ok(Self { world, emitters })
+    }
+
+    /// The distance clamp of a render, metres.
+    pub fn d_min(&self, settings: &Settings) -> f32 {
+        let (share, most) = DEFAULT_D_MIN;
+        settings.vpls.d_min.unwrap_or_else(|| (self.world.diagonal() * share).min(most))
+    }
+
+    /// Renders one picture.
+    ///
+    /// The same seed gives the same bits at any thread count.
+    /// Errors: a setting outside its range
+    pub fn render(
+        &self,
+        camera: &Camera,
+        [width, height]: [usize; 2],
+        settings: &Settings,
+        progress: Progress<'_>,
+    ) -> Result<Frame, Error> {
+        settings.validate()?;
+        let view = ViewFrame::new(camera, width, height);
+        let mut clock = Clock::new(progress);
+        let samples = if settings.method == Method::Path { 1 } else { settings.film.samples };
+        let mut sum: Option<Layers> = None;
+        let weight = 1.0 / samples as f32;
+        for sample in 0..samples {
+            let layers = match settings.method {
+                Method::Path => self.path_layers(&view, settings, &mut clock),
+                _ => self.vpl_layers(&view, settings, sample, &mut clock),
+            };
+            match &mut sum {
+                None if samples == 1 => sum = Some(layers),
+                None => sum = Some(layers.scaled(weight)),
+                Some(sum) => sum.add_weighted(&layers, weight),
+            }
+        }
+        let layers = sum.unwrap_or_default();
+        Ok(Frame { layers, stages: clock.finish(), d_min: self.d_min(settings) })
+    }
+
+    /// One sample of the methods that use virtual lights.
+    fn vpl_layers(
+        &self,
+        view: &ViewFrame,
+        settings: &Settings,
+        sample: u32,
+        clock: &mut Clock<'_>,
+    ) -> Layers {
+        let (world, emitters) = (&self.world, &self.emitters);
+        let normal_maps = settings.surface.normal_maps;
+        let seed = hash_u32(settings.seed ^ hash_u32(sample));
+        let d_min = self.d_min(settings);
+        let jitter = Vec2::from_array(Sequence::new(settings.seed, sample).next_2d());
+        let offset_px = if settings.film.samples == 1 { Vec2::splat(0.5) } else { jitter };
+
+        let receivers = clock.run("receivers", || {
+            let receivers = Receivers::trace(world, view, offset_px, normal_maps);
+            let count = receivers.samples.iter().filter(|s| s.surface.is_some()).count();
+            (receivers, count as u64)
+        });
+        let mut layers = Layers::new(&receivers, |d| self.sky(d));
+
+        let direct = clock.run("direct", || {
+            let direct = self.direct_irradiance(&receivers, settings, seed);
+            (direct, (emitters.lights.len()) as u64)
+        });
+        layers.set_direct(&direct);
+
+        let on_emitters = clock.run("emitter vpls", || {
+            let set = vpl::trace_emitters(world, emitters, settings.vpls.emitter_count, seed ^ 1);
+            let count = set.lights.len() as u64;
+            (set, count)
+        });
+        if !on_emitters.lights.is_empty() {
+            let gathered =
+                self.gather(&receivers, &on_emitters.lights, settings, d_min, seed ^ 2, clock);
+            layers.add_direct(&gathered);
+        }
+        if settings.method == Method::Direct {
+            return layers;
+        }
+
+        let vpls = clock.run("vpls", || {
+            let (count, bounces) = (settings.vpls.count, settings.vpls.bounces);
+            let set = vpl::trace(world, emitters, count, bounces, seed ^ 3, normal_maps);
+            let count = set.lights.len() as u64;
+            (set, count)
+        });
+        let gathered = self.gather(&receivers, &vpls.lights, settings, d_min, seed ^ 4, clock);
+        layers.set_indirect(&gathered);
+        layers
+    }
+
+    /// Irradiance of a set of virtual lights at the receivers, filtered where the method asks.
+    fn gather(
+        &self,
+        receivers: &Receivers,
+        lights: &[vpl::Vpl],
+        settings: &Settings,
+        d_min: f32,
+        seed: u32,
+        clock: &mut Clock<'_>,
+    ) -> Gathered {
+        if settings.method == Method::Brute {
+            return self.gather_brute(receivers, lights, d_min, clock);
+        }
+        let lighting_grid = clock.run("grid", || {
+            let grid = grid::LightingGrid::build(lights, &settings.grid);
+            let count = grid.light_count() as u64;
+            (grid, count)
+        });
+        let mut gathered = clock.run("lighting", || {
+            let gathered =
+                grid::gather(&self.world, receivers, &lighting_grid, settings, d_min, seed);
+            let evals = gathered.evals.iter().map(|&e| u64::from(e)).sum();
+            (gathered, evals)
+        });
+        if settings.filter.enabled && settings.shadow.rays > 0 {
+            gathered.shadow_ratio = clock.run("filter", || {
+                let ratio = filter::atrous(&gathered.shadow_ratio, receivers, &settings.filter);
+                (ratio, u64::from(settings.filter.passes))
+            });
+        }
+        gathered
+    }
+
+    fn gather_brute(
+        &self,
+        receivers: &Receivers,
+        lights: &[vpl::Vpl],
+        d_min: f32,
+        clock: &mut Clock<'_>,
+    ) -> Gathered {
+        let count = receivers.samples.len();
+        clock.run_rows("brute", receivers.height, |tick| {
+            let sum = |i: usize| {
+                let surface = receivers.samples[i].surface.as_ref()?;
+                let sum = brute::sum(&self.world, surface, lights, d_min);
+                tick(1.0 / receivers.width as f64);
+                Some(sum)
+            };
+            let sums: Vec<_> = (0..count).into_par_iter().map(sum).collect();
+            let mut gathered = Gathered::dark(count);
+            for (i, sum) in sums.into_iter().enumerate() {
+                let Some(sum) = sum else { continue };
+                gathered.unshadowed[i] = sum.unshadowed;
+                gathered.set_shadowed(i, sum.shadowed);
+                gathered.evals[i] = sum.evals;
+            }
+            (gathered, lights.len() as u64)
+        })
+    }
+
+    /// Irradiance from sun, point and spot lights and from the sky.
+    fn direct_irradiance(&self, receivers: &Receivers, settings: &Settings, seed: u32) -> Vec<Vec3> {
+        let rays = match settings.method {
+            Method::Brute => BRUTE_SKY_RAYS,
+            _ => settings.shadow.rays.max(MIN_SKY_RAYS),
+        };
+        let constant = matches!(self.world.scene.sky, Some(Sky::Constant(_)));
+        let at = |i: usize| {
+            let Some(surface) = &receivers.samples[i].surface else { return Vec3::ZERO };
+            let mut sequence = Sequence::new(hash_u32(seed ^ hash_u32(i as u32)), 0);
+            let (world, emitters) = (&self.world, &self.emitters);
+            let lights = direct::from_lights(world, emitters, surface, &mut sequence);
+            lights + direct::from_sky(world, emitters, surface, rays, &mut sequence, constant)
+        };
+        (0..receivers.samples.len()).into_par_iter().with_min_len(512).map(at).collect()
+    }
+
+    /// The reference: every pixel by paths.
+    fn path_layers(
+        &self,
+        view: &ViewFrame,
+        settings: &Settings,
+        clock: &mut Clock<'_>,
+    ) -> Layers {
+        let normal_maps = settings.surface.normal_maps;
+        let receivers = Receivers::trace(&self.world, view, Vec2::splat(0.5), normal_maps);
+        let mut layers = Layers::new(&receivers, |d| self.sky(d));
+        let tracer = PathTracer {
+            world: &self.world,
+            emitters: &self.emitters,
+            bounces: settings.vpls.bounces,
+            normal_maps,
+        };
+        let spp = settings.path.spp;
+        let pixels = clock.run_rows("paths", view.height, |tick| {
+            let pixel = |i: usize| {
+                let seed = hash_u32(settings.seed ^ hash_u32(i as u32 ^ 0x3c6e_f372));
+                let mut sums = [glam::DVec3::ZERO; 3];
+                for s in 0..spp {
+                    let (x, y) = (i % view.width, i / view.width);
+                    let path = tracer.trace(view, x, y, Sequence::new(seed, s));
+                    for (sum, part) in sums.iter_mut().zip([path.emission, path.direct, path.indirect]) {
+                        *sum += part.as_dvec3();
+                    }
+                }
+                tick(1.0 / view.width as f64);
+                sums.map(|s| (s / f64::from(spp)).as_vec3())
+            };
+            let pixels: Vec<[Vec3; 3]> =
+                (0..view.width * view.height).into_par_iter().map(pixel).collect();
+            (pixels, u64::from(spp) * (view.width * view.height) as u64)
+        });
+        for (i, [emission, direct, indirect]) in pixels.into_iter().enumerate() {
+            layers.emission[i] = emission;
+            layers.direct[i] = direct;
+            layers.indirect[i] = indirect;
+            layers.indirect_unshadowed[i] = indirect;
+        }
+        layers
+    }
+
+    fn sky(&self, direction: Vec3) -> Vec3 {
+        self.emitters.sky.as_ref().map_or(Vec3::ZERO, |s| s.radiance(direction))
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,18 @@
+//! The lighting grid hierarchy: near lights in detail, far lights as ever coarser grid lights.
+//!
+//! In: virtual lights, receivers · Out: [`LightingGrid`], [`Gathered`](super::Gathered)
+//! Paper: [LinYuksel19], [YukselYuksel17]; differs: six lobes per vertex, levels from the moments
+//! of the level below, shadow rays to real virtual lights, gathering by tiles (docs/methods/grid.md)
+//! Limits: at most 14 levels.
+
+mod build;
+mod draw;
+mod record;
+mod sample;
+mod tiles;
+
+pub use record::{GridLight, Level, LightingGrid};
+pub use sample::gather;
+
+#[cfg(test)]
+mod tests;
