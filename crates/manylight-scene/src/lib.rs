@@ -1,14 +1,28 @@
 //! Scenes for the manylight renderer: glTF files, shot files and procedural scenes become one
 //! [`Scene`].
+//!
+//! [`load`] takes any of them; [`load_gltf_bytes`] and [`parse_shot_text`] work on bytes alone.
+//! No input, however damaged, panics or allocates without bound: it is repaired with a counted
+//! [`Warning`] or refused with an [`Error`] of one sentence.
 
 mod scene;
 mod error;
+mod json;
+mod gltf;
+mod shot;
+mod sky;
+mod validate;
+mod procedural;
+mod load;
 
 pub use error::{Error, Warning};
+pub use load::{load, load_gltf_bytes};
+pub use procedural::{BUILTINS, builtin};
 pub use scene::{
     AlphaMode, Camera, Instance, Light, Material, Mesh, Projection, Scene, Sky, SkyMap,
     TextureImage, TextureSlot, Wrap,
 };
+pub use shot::{ShotFile, ShotLight, parse_shot_text};
 
 /// A scene seen by a camera, with the settings its author chose.
 #[derive(Clone, Debug)]

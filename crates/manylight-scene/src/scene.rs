@@ -47,6 +47,13 @@ pub struct Mesh {
     pub material: u32,
 }
 
+impl Mesh {
+    /// Largest absolute coordinate and 1, metres.
+    pub(crate) fn max_coordinate(&self) -> f32 {
+        self.positions.iter().fold(1.0, |a, p| a.max(p.abs().max_element()))
+    }
+}
+
 /// One placement of a mesh.
 #[derive(Clone, Copy, Debug)]
 pub struct Instance {
@@ -295,9 +302,6 @@ impl Camera {
 impl Scene {
     /// Triangles over all instances, as the renderer meets them.
     pub fn triangle_count(&self) -> u64 {
-        self.instances
-            .iter()
-            .map(|i| self.meshes[i.mesh as usize].triangles.len() as u64)
-            .sum()
+        self.instances.iter().map(|i| self.meshes[i.mesh as usize].triangles.len() as u64).sum()
     }
 }
