@@ -1,2 +1,65 @@
-//! The program.
-fn main() {}
+//! The manylight program: glue between arguments, files and the renderer.
+
+mod args;
+mod bench;
+mod compare;
+mod info;
+mod output;
+mod render;
+
+use clap::Parser;
+use std::io::Write;
+use std::process::ExitCode;
+
+/// Errors end the program with this code.
+const EXIT_ERROR: u8 = 2;
+/// A check that failed ends the program with this code.
+const EXIT_CHECK_FAILED: u8 = 1;
+
+/// Text of an error, ready for the user.
+pub(crate) type Failure = Box<dyn std::error::Error>;
+
+/// What a command found.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Outcome {
+    /// All is well.
+    Done,
+    /// A limit given by the user was passed.
+    CheckFailed,
+}
+
+fn main() -> ExitCode {
+    let args = match args::Args::try_parse() {
+        Ok(args) => args,
+        Err(e) => {
+            let code = if e.use_stderr() { ExitCode::from(EXIT_ERROR) } else { ExitCode::SUCCESS };
+            // Nothing can be done about a closed terminal.
+            let _ = e.print();
+            return code;
+        }
+    };
+    let outcome = match &args.command {
+        args::Command::Render(a) => render::run(a),
+        args::Command::Compare(a) => compare::run(a),
+        args::Command::Bench(a) => bench::run(a),
+        args::Command::Info(a) => info::run_info(a),
+        args::Command::Devices(a) => info::run_devices(a),
+        args::Command::Methods(a) => info::run_methods(a),
+    };
+    match outcome {
+        Ok(Outcome::Done) => ExitCode::SUCCESS,
+        Ok(Outcome::CheckFailed) => ExitCode::from(EXIT_CHECK_FAILED),
+        Err(e) if is_broken_pipe(&*e) => ExitCode::SUCCESS,
+        Err(e) => {
+            let _ = writeln!(std::io::stderr(), "manylight: {e}");
+            ExitCode::from(EXIT_ERROR)
+        }
+    }
+}
+
+/// A reader that had enough, as in `manylight … | head`.
+fn is_broken_pipe(error: &(dyn std::error::Error + 'static)) -> bool {
+    error
+        .downcast_ref::<std::io::Error>()
+        .is_some_and(|e| e.kind() == std::io::ErrorKind::BrokenPipe)
+}

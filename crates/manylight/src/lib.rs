@@ -36,6 +36,7 @@ pub mod filter;
 pub mod composite;
 pub mod reference;
 pub mod frame;
+pub mod bench;
 
 pub use error::Error;
 pub use frame::{Frame, Renderer};

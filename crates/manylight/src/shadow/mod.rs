@@ -8,13 +8,13 @@ use crate::vlight::Vpl;
 use crate::world::World;
 use glam::Vec3;
 
-/// Share of a segment that is left out at the light's end.
-const END_SLACK: f32 = 1e-4;
+/// Where a segment to a light ends, as a share of its length: short of the light's own surface.
+pub const SEGMENT_END: f32 = 0.9999;
 
 /// Whether a direction (unit, `distance` may be infinite) is free of obstacles.
 #[inline]
 pub fn is_open(world: &World, surface: &SurfacePoint, direction: Vec3, distance: f32) -> bool {
-    let t_max = if distance.is_finite() { distance * (1.0 - END_SLACK) } else { f32::MAX };
+    let t_max = if distance.is_finite() { distance * SEGMENT_END } else { f32::MAX };
     !world.occluded(&Ray { origin: surface.ray_origin(world), direction, t_max })
 }
 
@@ -23,7 +23,7 @@ pub fn is_open(world: &World, surface: &SurfacePoint, direction: Vec3, distance:
 pub fn is_seen(world: &World, surface: &SurfacePoint, position: Vec3, normal: Vec3) -> bool {
     let origin = surface.ray_origin(world);
     let target = position + normal * world.ray_offset(position);
-    !world.occluded(&Ray { origin, direction: target - origin, t_max: 1.0 - END_SLACK })
+    !world.occluded(&Ray { origin, direction: target - origin, t_max: SEGMENT_END })
 }
 
 /// Whether a virtual light is seen.

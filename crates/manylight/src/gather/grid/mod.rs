@@ -12,7 +12,7 @@ mod sample;
 mod tiles;
 
 pub use record::{GridLight, Level, LightingGrid};
-pub use sample::gather;
+pub use sample::{TILE, gather};
 
 #[cfg(test)]
 mod tests;

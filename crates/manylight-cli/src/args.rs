@@ -1,0 +1,170 @@
+//! The command line; `--help` is the manual.
+
+use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
+use std::path::PathBuf;
+
+/// Global illumination from very many lights.
+///
+/// Exit codes: 0 done, 1 a limit of `compare` was passed, 2 an error.
+#[derive(Debug, Parser)]
+#[command(name = "manylight", version)]
+pub struct Args {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// What to do.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Render one picture
+    Render(RenderArgs),
+    /// Print the errors between two pictures
+    Compare(CompareArgs),
+    /// Time the stages of a frame, or measure quality against brute force
+    Bench(BenchArgs),
+    /// Print what is in a scene
+    Info(InfoArgs),
+    /// Print the devices that can render
+    Devices(JsonArg),
+    /// Print the methods and presets
+    Methods(JsonArg),
+}
+
+/// Where to compute.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Backend {
+    /// The best there is.
+    Auto,
+    /// All cores of this machine.
+    Cpu,
+    /// A graphics card.
+    Gpu,
+}
+
+/// Options that several commands share.
+#[derive(Debug, Default, ClapArgs)]
+pub struct SettingArgs {
+    /// Start from a preset: draft, fast, balanced, fine, exhaustive or paper
+    #[arg(long, value_name = "NAME")]
+    pub preset: Option<String>,
+    /// Set one field, e.g. --set grid.alpha=1.5; may be repeated
+    #[arg(long = "set", value_name = "PATH=VALUE")]
+    pub sets: Vec<String>,
+    /// Picture size, e.g. 1280x720
+    #[arg(long, value_name = "WxH")]
+    pub size: Option<String>,
+    /// Seed of the random numbers
+    #[arg(long, value_name = "N")]
+    pub seed: Option<u32>,
+    /// Threads; default: all cores
+    #[arg(long, value_name = "N")]
+    pub threads: Option<usize>,
+}
+
+/// `manylight render`
+#[derive(Debug, ClapArgs)]
+pub struct RenderArgs {
+    /// A shot (.json), a scene (.glb, .gltf) or builtin:atrium, builtin:cornell, …
+    pub scene: String,
+    /// .exr: linear with layers; .png: tone-mapped; may be repeated
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Vec<PathBuf>,
+    /// grid, brute, path or direct
+    #[arg(long, value_name = "NAME")]
+    pub method: Option<String>,
+    /// Where to compute
+    #[arg(long, value_enum, default_value = "auto")]
+    pub backend: Backend,
+    /// Also write the lights evaluated per pixel as a false-color picture
+    #[arg(long, value_name = "FILE.png")]
+    pub heatmap: Option<PathBuf>,
+    /// Settings
+    #[command(flatten)]
+    pub settings: SettingArgs,
+    /// Print results as JSON on standard output
+    #[arg(long)]
+    pub json: bool,
+    /// Print nothing but errors
+    #[arg(short, long)]
+    pub quiet: bool,
+}
+
+/// `manylight compare`
+#[derive(Debug, ClapArgs)]
+pub struct CompareArgs {
+    /// The picture to judge (.exr, .pfm, .hdr, .png)
+    pub a: PathBuf,
+    /// The reference
+    pub b: PathBuf,
+    /// Compare this layer instead of the beauty
+    #[arg(long, value_name = "NAME")]
+    pub layer: Option<String>,
+    /// Write the FLIP difference as a false-color picture
+    #[arg(short, long, value_name = "FILE.png")]
+    pub output: Option<PathBuf>,
+    /// Fail (exit 1) above this mean FLIP
+    #[arg(long, value_name = "X")]
+    pub max_flip: Option<f64>,
+    /// Fail (exit 1) above this relMSE
+    #[arg(long, value_name = "X")]
+    pub max_rel_mse: Option<f64>,
+    /// Fail (exit 1) above this RMSE relative to the mean
+    #[arg(long, value_name = "X")]
+    pub max_rmse: Option<f64>,
+    /// Fail (exit 1) above this mean absolute percentage error, as a fraction
+    #[arg(long, value_name = "X")]
+    pub max_mape: Option<f64>,
+    /// Fail (exit 1) above this absolute energy bias, as a fraction
+    #[arg(long, value_name = "X")]
+    pub max_bias: Option<f64>,
+    /// Print results as JSON on standard output
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `manylight bench`
+#[derive(Debug, ClapArgs)]
+pub struct BenchArgs {
+    /// Shots or scenes; default: builtin:atrium
+    pub scenes: Vec<String>,
+    /// Judge the gather against brute force on this many random receivers instead of timing
+    #[arg(long, value_name = "RECEIVERS")]
+    pub quality: Option<usize>,
+    /// Measure shadow rays per second over random receivers and virtual lights
+    #[arg(long)]
+    pub rays: bool,
+    /// Write the triangles and rays of --rays to FILE.tri and FILE.ray (little-endian f32)
+    #[arg(long, value_name = "FILE")]
+    pub dump_rays: Option<PathBuf>,
+    /// Measure building the grid alone
+    #[arg(long)]
+    pub build: bool,
+    /// Frames to time, after one that is not counted
+    #[arg(long, default_value_t = 5, value_name = "N")]
+    pub frames: u32,
+    /// Settings
+    #[command(flatten)]
+    pub settings: SettingArgs,
+    /// Print results as JSON on standard output
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `manylight info`
+#[derive(Debug, ClapArgs)]
+pub struct InfoArgs {
+    /// A shot, a scene or builtin:NAME
+    pub scene: String,
+    /// Print results as JSON on standard output
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Commands without other options.
+#[derive(Debug, ClapArgs)]
+pub struct JsonArg {
+    /// Print results as JSON on standard output
+    #[arg(long)]
+    pub json: bool,
+}

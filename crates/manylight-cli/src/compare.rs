@@ -1,0 +1,67 @@
+//! `manylight compare`
+
+use crate::args::CompareArgs;
+use crate::{Failure, Outcome, output};
+use manylight_image::{LayeredImage, Raster, compare, flip_hdr, heatmap, read_picture};
+use serde_json::json;
+use std::io::Write;
+
+/// Runs the command.
+pub fn run(args: &CompareArgs) -> Result<Outcome, Failure> {
+    output::check(args.output.as_slice(), &["png"])?;
+    let (a, b) = (read_picture(&args.a)?, read_picture(&args.b)?);
+    let (a, b) = (layer(&a, args, &args.a)?, layer(&b, args, &args.b)?);
+    let errors = compare(a, b)?;
+    if let Some(path) = &args.output {
+        let flip = flip_hdr(a, b)?;
+        let rgb = heatmap(&flip, 0.0, 1.0)?;
+        manylight_image::write_png_rgb8(&rgb, flip.width, flip.height, path)?;
+    }
+    let rows = [
+        ("relMSE", "rel_mse", errors.rel_mse, args.max_rel_mse),
+        ("relative RMSE", "relative_rmse", errors.relative_rmse, args.max_rmse),
+        ("RMSE", "rmse", errors.rmse, None),
+        ("MAPE", "mape", errors.mape, args.max_mape),
+        ("energy bias", "energy_bias", errors.energy_bias, args.max_bias),
+        ("FLIP mean", "flip_mean", errors.flip_mean, args.max_flip),
+        ("FLIP 99 %", "flip_p99", errors.flip_p99, None),
+    ];
+    let failed: Vec<_> = rows
+        .iter()
+        .filter(|(_, _, value, limit)| limit.is_some_and(|l| value.is_nan() || value.abs() > l))
+        .collect();
+    if args.json {
+        let mut report: serde_json::Map<_, _> =
+            rows.iter().map(|r| (r.1.to_owned(), json!(r.2))).collect();
+        report.insert("nonfinite_count".to_owned(), json!(errors.nonfinite_count));
+        report.insert("failed".to_owned(), failed.iter().map(|r| r.1).collect());
+        writeln!(std::io::stdout(), "{}", serde_json::Value::Object(report))?;
+    } else {
+        let mut out = std::io::stdout().lock();
+        for (name, _, value, _) in rows {
+            writeln!(out, "{name:<16}{value:>14.6}")?;
+        }
+        if errors.nonfinite_count > 0 {
+            writeln!(out, "{} pixels are not finite and were left out", errors.nonfinite_count)?;
+        }
+    }
+    for (name, _, value, limit) in &failed {
+        let limit = limit.unwrap_or_default();
+        writeln!(std::io::stderr(), "manylight: {name} {value:.6} is above the limit {limit}")?;
+    }
+    Ok(if failed.is_empty() { Outcome::Done } else { Outcome::CheckFailed })
+}
+
+fn layer<'a>(
+    picture: &'a LayeredImage,
+    args: &CompareArgs,
+    path: &std::path::Path,
+) -> Result<&'a Raster, Failure> {
+    let Some(name) = &args.layer else { return Ok(&picture.beauty) };
+    let found = picture.layers.iter().find(|l| l.0 == *name);
+    found.map(|l| &l.1).ok_or_else(|| {
+        let names: Vec<_> = picture.layers.iter().map(|l| l.0.as_str()).collect();
+        let there = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
+        format!("{} has no layer {name:?}; its layers: {there}", path.display()).into()
+    })
+}

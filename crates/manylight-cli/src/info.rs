@@ -1,0 +1,86 @@
+//! `manylight info`, `devices` and `methods`
+
+use crate::args::{InfoArgs, JsonArg};
+use crate::{Failure, Outcome, render};
+use manylight::settings::{Method, PRESETS};
+use manylight_scene::{Light, Scene, Sky};
+use serde_json::{Value, json};
+use std::io::Write;
+
+/// Prints what is in a scene.
+pub fn run_info(args: &InfoArgs) -> Result<Outcome, Failure> {
+    let shot = render::load(&args.scene, args.json)?;
+    let scene = &shot.scene;
+    let emissive = emissive_triangles(scene);
+    let kinds = |f: fn(&Light) -> bool| scene.lights.iter().filter(|l| f(l)).count();
+    let sky = match &scene.sky {
+        None => "none".to_owned(),
+        Some(Sky::Constant(r)) => format!("constant {r}"),
+        Some(Sky::Map(m)) => format!("map {}x{}", m.width, m.height),
+    };
+    let rows: Vec<(&str, Value)> = vec![
+        ("triangles", json!(scene.triangle_count())),
+        ("meshes", json!(scene.meshes.len())),
+        ("instances", json!(scene.instances.len())),
+        ("materials", json!(scene.materials.len())),
+        ("images", json!(scene.images.len())),
+        ("emissive_triangles", json!(emissive)),
+        ("suns", json!(kinds(|l| matches!(l, Light::Sun { .. })))),
+        ("point_lights", json!(kinds(|l| matches!(l, Light::Point { .. })))),
+        ("spot_lights", json!(kinds(|l| matches!(l, Light::Spot { .. })))),
+        ("sky", json!(sky)),
+        ("cameras", scene.cameras.iter().map(|c| c.name.as_str()).collect()),
+        ("warnings", shot.warnings.iter().map(ToString::to_string).collect()),
+    ];
+    print_rows(&rows, args.json)
+}
+
+fn emissive_triangles(scene: &Scene) -> usize {
+    let shines = |mesh: u32| {
+        let mesh = &scene.meshes[mesh as usize];
+        let material = &scene.materials[mesh.material as usize];
+        if material.emission.max_element() > 0.0 { mesh.triangles.len() } else { 0 }
+    };
+    scene.instances.iter().map(|i| shines(i.mesh)).sum()
+}
+
+/// Prints the devices that can render.
+pub fn run_devices(args: &JsonArg) -> Result<Outcome, Failure> {
+    #[cfg(target_arch = "x86_64")]
+    let simd = if std::arch::is_x86_feature_detected!("avx2") { "AVX2" } else { "SSE2" };
+    #[cfg(not(target_arch = "x86_64"))]
+    let simd = "portable";
+    let cpu = format!("{} threads, {simd}", rayon::current_num_threads());
+    print_rows(&[("cpu", json!(cpu))], args.json)
+}
+
+/// Prints the methods and presets.
+pub fn run_methods(args: &JsonArg) -> Result<Outcome, Failure> {
+    let mut rows: Vec<(&str, Value)> = Method::ALL.iter().map(|m| (m.1, json!(m.2))).collect();
+    rows.push(("presets", json!(PRESETS.join(", "))));
+    rows.push(("scenes", json!(builtin_names())));
+    print_rows(&rows, args.json)
+}
+
+fn builtin_names() -> String {
+    let names: Vec<_> = manylight_scene::BUILTINS.iter().map(|n| format!("builtin:{n}")).collect();
+    names.join(", ")
+}
+
+fn print_rows(rows: &[(&str, Value)], as_json: bool) -> Result<Outcome, Failure> {
+    let mut out = std::io::stdout().lock();
+    if as_json {
+        let map: serde_json::Map<_, _> =
+            rows.iter().map(|(k, v)| ((*k).to_owned(), v.clone())).collect();
+        writeln!(out, "{}", Value::Object(map))?;
+        return Ok(Outcome::Done);
+    }
+    for (key, value) in rows {
+        let text = match value {
+            Value::String(s) => s.clone(),
+            other => other.to_string(),
+        };
+        writeln!(out, "{:<20}{text}", key.replace('_', " "))?;
+    }
+    Ok(Outcome::Done)
+}

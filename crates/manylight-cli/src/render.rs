@@ -1,0 +1,223 @@
+//! `manylight render`
+
+use crate::args::{Backend, RenderArgs, SettingArgs};
+use crate::{Failure, Outcome, output};
+use indicatif::{ProgressBar, ProgressStyle};
+use manylight::{Frame, Renderer, Settings};
+use manylight_scene::{Camera, Shot};
+use serde_json::{Value, json};
+use std::io::{IsTerminal, Write};
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
+
+/// Most pixels of a picture.
+const MAX_PIXELS: usize = 1 << 28;
+/// Size of a picture that nobody chose.
+const DEFAULT_SIZE: [usize; 2] = [1280, 720];
+/// A bar appears for work that takes longer than this.
+const BAR_DELAY: Duration = Duration::from_secs(1);
+
+/// Settings of a shot: preset, then the shot's own, then the command line's.
+pub fn settings(args: &SettingArgs, shot: &Shot) -> Result<Settings, Failure> {
+    let mut settings = Settings::preset(args.preset.as_deref().unwrap_or("balanced"))?;
+    settings.apply(&shot.settings)?;
+    for set in &args.sets {
+        let (path, value) = set.split_once('=').ok_or_else(|| {
+            format!("--set {set}: write PATH=VALUE, for example --set grid.alpha=1.5")
+        })?;
+        settings.set(path.trim(), value)?;
+    }
+    settings.seed = args.seed.unwrap_or(settings.seed);
+    settings.validate()?;
+    Ok(settings)
+}
+
+/// Size of the picture: command line, else shot, else 1280×720.
+pub fn size(args: &SettingArgs, camera: &Camera) -> Result<[usize; 2], Failure> {
+    let Some(text) = &args.size else {
+        return Ok(camera.size_px.map_or(DEFAULT_SIZE, |s| s.map(|v| v as usize)));
+    };
+    let parse = |s: &str| s.trim().parse::<usize>().ok().filter(|&v| v > 0);
+    let size = text.split_once('x').and_then(|(w, h)| Some([parse(w)?, parse(h)?]));
+    let size = size.filter(|[w, h]| w.checked_mul(*h).is_some_and(|n| n <= MAX_PIXELS));
+    let problem = "write WIDTHxHEIGHT of at most 268435456 pixels, for example 1280x720";
+    size.ok_or_else(|| format!("--size {text}: {problem}").into())
+}
+
+/// Sets the number of threads of the whole program.
+pub fn use_threads(args: &SettingArgs) -> Result<(), Failure> {
+    let Some(threads) = args.threads else { return Ok(()) };
+    if !(1..=1024).contains(&threads) {
+        return Err(format!("--threads {threads}: use 1 to 1024").into());
+    }
+    rayon::ThreadPoolBuilder::new().num_threads(threads).build_global()?;
+    Ok(())
+}
+
+/// Loads a scene and passes its warnings on.
+pub fn load(path: &str, quiet: bool) -> Result<Shot, Failure> {
+    let shot = manylight_scene::load(path)?;
+    if !quiet {
+        for warning in &shot.warnings {
+            let _ = writeln!(std::io::stderr(), "warning: {warning}");
+        }
+    }
+    Ok(shot)
+}
+
+/// Runs the command.
+pub fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
+    output::check(&args.output, &["exr", "png", "pfm"])?;
+    output::check(args.heatmap.as_slice(), &["png"])?;
+    if args.backend == Backend::Gpu {
+        return Err("this build has no GPU backend; use --backend cpu".into());
+    }
+    use_threads(&args.settings)?;
+    let start = Instant::now();
+    let shot = load(&args.scene, args.quiet)?;
+    let mut settings = settings(&args.settings, &shot)?;
+    if let Some(method) = &args.method {
+        settings.set("method", method)?;
+    }
+    let size = size(&args.settings, &shot.camera)?;
+    let scene_hash = hash_of(&shot);
+    let camera = shot.camera.clone();
+    let load_ms = start.elapsed().as_secs_f64() * 1e3;
+    let start = Instant::now();
+    let renderer = Renderer::new(shot.scene)?;
+    let build_ms = start.elapsed().as_secs_f64() * 1e3;
+    let start = Instant::now();
+    let frame = render_with_bar(&renderer, &camera, size, &settings, args.quiet)?;
+    let render_ms = start.elapsed().as_secs_f64() * 1e3;
+
+    let mut metadata = metadata(&settings, &camera, args, render_ms);
+    metadata.push(("sceneHash".to_owned(), format!("{scene_hash:016x}")));
+    let picture = output::picture(&frame, metadata);
+    for path in &args.output {
+        output::write(&picture, path, &settings)?;
+    }
+    if let Some(path) = &args.heatmap {
+        let evals = &picture.layers.iter().find(|l| l.0 == "evals").ok_or("no evals")?.1;
+        let top = evals.data.iter().copied().fold(1.0, f32::max);
+        let rgb = manylight_image::heatmap(evals, 0.0, top)?;
+        manylight_image::write_png_rgb8(&rgb, size[0], size[1], path)?;
+    }
+    let times = [("load scene", load_ms), ("build bvh", build_ms), ("render", render_ms)];
+    if args.json {
+        let stages = stages_json(&frame);
+        let times: serde_json::Map<String, Value> =
+            times.iter().map(|(n, t)| (format!("{}_ms", n.replace(' ', "_")), json!(t))).collect();
+        let report = json!({
+            "scene": args.scene, "size": size, "d_min": frame.d_min, "times": times,
+            "stages": stages, "settings": settings.to_json(),
+        });
+        writeln!(std::io::stdout(), "{report}")?;
+    } else if !args.quiet {
+        print_table(&frame, &times, size)?;
+    }
+    Ok(Outcome::Done)
+}
+
+/// Renders with a progress bar on a terminal.
+pub fn render_with_bar(
+    renderer: &Renderer,
+    camera: &Camera,
+    size: [usize; 2],
+    settings: &Settings,
+    quiet: bool,
+) -> Result<Frame, Failure> {
+    if quiet || !std::io::stderr().is_terminal() {
+        return Ok(renderer.render(camera, size, settings, &|_, _| ())?);
+    }
+    let style = ProgressStyle::with_template("{msg:<14} {wide_bar} {percent:>3} % {eta:>5} left")?;
+    let start = Instant::now();
+    let bar: Mutex<Option<ProgressBar>> = Mutex::new(None);
+    let frame = renderer.render(camera, size, settings, &|stage, share| {
+        let Ok(mut bar) = bar.lock() else { return };
+        if bar.is_none() && start.elapsed() > BAR_DELAY {
+            *bar = Some(ProgressBar::new(1000).with_style(style.clone()));
+        }
+        if let Some(bar) = &*bar {
+            bar.set_message(stage.to_owned());
+            bar.set_position((share * 1000.0) as u64);
+        }
+    });
+    if let Ok(Some(bar)) = bar.into_inner() {
+        bar.finish_and_clear();
+    }
+    Ok(frame?)
+}
+
+/// Stages as JSON.
+pub fn stages_json(frame: &Frame) -> Value {
+    frame
+        .stages
+        .iter()
+        .map(|s| json!({ "stage": s.name, "ms": s.time_ms, "count": s.count }))
+        .collect()
+}
+
+fn print_table(frame: &Frame, times: &[(&str, f64)], size: [usize; 2]) -> Result<(), Failure> {
+    let mut err = std::io::stderr().lock();
+    writeln!(err, "{:<16}{:>12}{:>16}", "stage", "ms", "count")?;
+    for stage in &frame.stages {
+        writeln!(err, "{:<16}{:>12.1}{:>16}", stage.name, stage.time_ms, stage.count)?;
+    }
+    for (name, time_ms) in times {
+        writeln!(err, "{name:<16}{time_ms:>12.1}")?;
+    }
+    let lit = frame.layers.evals.iter().filter(|e| **e > 0.0).count().max(1);
+    let evals: f64 = frame.layers.evals.iter().map(|&e| f64::from(e)).sum();
+    let mean = evals / lit as f64;
+    writeln!(err, "{}x{} pixels, {mean:.0} lights evaluated per lit pixel", size[0], size[1])?;
+    Ok(())
+}
+
+fn metadata(
+    settings: &Settings,
+    camera: &Camera,
+    args: &RenderArgs,
+    render_ms: f64,
+) -> Vec<(String, String)> {
+    let world_from_camera = glam::Mat4::from_cols(
+        camera.forward.cross(camera.up).extend(0.0),
+        camera.up.extend(0.0),
+        (-camera.forward).extend(0.0),
+        camera.position.extend(1.0),
+    );
+    let text = |k: &str, v: String| (k.to_owned(), v);
+    vec![
+        text("software", format!("manylight {}", env!("CARGO_PKG_VERSION"))),
+        text("scene", args.scene.clone()),
+        text("settings", Value::Object(settings.to_json()).to_string()),
+        text("seed", settings.seed.to_string()),
+        text("backend", "cpu".to_owned()),
+        text("device", format!("{} threads", rayon::current_num_threads())),
+        text("renderTimeMs", format!("{render_ms:.1}")),
+        text("worldFromCamera", format!("{:?}", world_from_camera.to_cols_array())),
+        text("projection", format!("{:?}", camera.projection)),
+    ]
+}
+
+/// A hash of everything in a scene that is rendered.
+fn hash_of(shot: &Shot) -> u64 {
+    let mut hash = 0xcbf2_9ce4_8422_2325u64;
+    let mut add = |bits: u64| {
+        hash = (hash ^ bits).wrapping_mul(0x0000_0100_0000_01b3);
+        hash ^= hash >> 29;
+    };
+    for mesh in &shot.scene.meshes {
+        mesh.positions.iter().flat_map(|p| p.to_array()).for_each(|v| add(v.to_bits().into()));
+        mesh.triangles.iter().flatten().for_each(|&v| add(v.into()));
+    }
+    for instance in &shot.scene.instances {
+        add(instance.mesh.into());
+        instance.world_from_object.to_cols_array().iter().for_each(|v| add(v.to_bits().into()));
+    }
+    for image in &shot.scene.images {
+        image.texels.iter().for_each(|t| add(u32::from_le_bytes(*t).into()));
+    }
+    let text = format!("{:?}{:?}", shot.scene.materials, shot.scene.lights);
+    text.bytes().for_each(|b| add(b.into()));
+    hash
+}
