@@ -15,7 +15,7 @@ pub fn luminance(rgb: [f32; 3]) -> f32 {
 ///
 /// Source: IEC 61966-2-1.
 pub fn srgb_from_linear(linear: f32) -> f32 {
-    let linear = linear.max(0.0).min(1.0);
+    let linear = bound(linear, 1.0);
     if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }
 
@@ -23,8 +23,13 @@ pub fn srgb_from_linear(linear: f32) -> f32 {
 ///
 /// Source: IEC 61966-2-1.
 pub fn linear_from_srgb(srgb: f32) -> f32 {
-    let srgb = srgb.max(0.0).min(1.0);
+    let srgb = bound(srgb, 1.0);
     if srgb <= 0.040_45 { srgb / 12.92 } else { ((srgb + 0.055) / 1.055).powf(2.4) }
+}
+
+/// A value in 0..hi; NaN becomes 0, which `clamp` would let pass.
+pub(crate) fn bound(value: f32, hi: f32) -> f32 {
+    if value > 0.0 { value.min(hi) } else { 0.0 }
 }
 
 #[cfg(test)]

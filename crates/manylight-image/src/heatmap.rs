@@ -3,6 +3,7 @@
 //! In: one channel and the range to show. Out: sRGB bytes.
 //! Limits: linear scale only; take logarithms before, if wanted.
 
+use crate::color::bound;
 use crate::error::check_raster;
 use crate::{Error, Raster};
 
@@ -17,7 +18,7 @@ const INFERNO: [[f32; 3]; 7] = [
     [0.000_218_940_37, 0.001_651_004_6, -0.019_480_899],
     [0.106_513_42, 0.563_956_44, 3.932_712_4],
     [11.602_493, -3.972_854, -15.942_394],
-    [-41.703_996, 17.436_399, 44.354_145],
+    [-41.703_996, 17.436_4, 44.354_145],
     [77.162_94, -33.402_36, -81.807_31],
     [-71.319_43, 32.626_064, 73.209_52],
     [25.131_126, -12.242_669, -23.070_325],
@@ -47,7 +48,7 @@ fn color(value: f32, lo: f32, hi: f32) -> [u8; 3] {
     } else if value >= hi || hi - lo <= 0.0 {
         1.0
     } else {
-        ((value - lo) / (hi - lo)).max(0.0).min(1.0)
+        bound((value - lo) / (hi - lo), 1.0)
     };
     let eval = |c: usize| INFERNO.iter().rev().fold(0.0, |sum, row| sum * t + row[c]);
     [0, 1, 2].map(|c| (eval(c).clamp(0.0, 1.0) * 255.0 + 0.5) as u8)

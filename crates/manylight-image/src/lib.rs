@@ -5,8 +5,8 @@
 //! Out: the same kinds of files (Radiance HDR excepted), tone-mapped and false-colour pictures,
 //! error numbers and maps.
 //! Papers: FLIP [Andersson20], HDR-FLIP [Andersson21]; tone curves cited in [`ToneCurve`].
-//! Limits: pictures of at most 2²⁸ pixels; deep EXR data are refused; subsampled EXR channels
-//! are skipped.
+//! Limits: pictures of at most 2²⁸ pixels; deep and B44-compressed EXR files are refused;
+//! subsampled EXR channels are skipped.
 //!
 //! All pixel values are linear with Rec.709 primaries unless a name says `srgb`.
 //! Every writer goes through [`write_atomic`]: an interrupted write leaves the earlier file.
@@ -31,7 +31,7 @@ pub use color::{LUMINANCE_WEIGHTS, linear_from_srgb, luminance, srgb_from_linear
 pub use error::Error;
 pub use exr::{read_exr, write_exr};
 pub use heatmap::heatmap;
-pub use metric::{Errors, compare, flip_hdr, flip_ldr};
+pub use metric::{Errors, compare, compute_rel_mse, flip_hdr, flip_ldr};
 pub use pfm::{read_pfm, write_pfm};
 pub use png::{read_png, write_png, write_png_rgb8};
 pub use raster::{LayeredImage, Raster};

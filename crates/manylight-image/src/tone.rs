@@ -6,6 +6,7 @@
 
 use rayon::prelude::*;
 
+use crate::color::bound;
 use crate::error::check_raster;
 use crate::{Error, Raster, luminance, srgb_from_linear};
 
@@ -60,7 +61,7 @@ pub fn tone_map(raster: &Raster, settings: &ToneSettings) -> Result<Vec<u8>, Err
         .zip(raster.data.par_chunks_exact(raster.width * raster.channels))
         .for_each(|(out, row)| {
             for (out, pixel) in out.chunks_exact_mut(3).zip(row.chunks_exact(raster.channels)) {
-                let rgb = [0, 1, 2].map(|c| bound_light(pixel[c % raster.channels] * scale));
+                let rgb = [0, 1, 2].map(|c| bound(pixel[c % raster.channels] * scale, BRIGHTEST));
                 for (out, code) in out.iter_mut().zip(settings.curve.eval(rgb)) {
                     *out = (code * 255.0 + 0.5) as u8;
                 }
@@ -91,12 +92,6 @@ pub fn compute_auto_exposure_ev(raster: &Raster) -> f32 {
     let middle = &luminances[cut..luminances.len() - cut];
     let sum: f64 = middle.iter().map(|&value| f64::from(value).log2()).sum();
     (MIDDLE_GREY.log2() - sum / middle.len() as f64).clamp(-MAX_EV, MAX_EV) as f32
-}
-
-/// Light in 0..`BRIGHTEST`.
-fn bound_light(value: f32) -> f32 {
-    // `max` and `min` return the other operand for NaN.
-    value.max(0.0).min(BRIGHTEST)
 }
 
 impl ToneCurve {

@@ -2,7 +2,7 @@
 //!
 //! In: a [`LayeredImage`] or a file of any program. Out: the other of the two.
 //! Limits: writes one flat part of 32-bit floats, ZIP in blocks of 16 lines; reads every
-//! compression and sample type of scan-line and tiled parts at their largest level, but no deep
+//! compression but B44 and every sample type of scan-line and tiled parts at their largest level, but no deep
 //! data and no subsampled channels.
 
 mod layers;
@@ -122,6 +122,11 @@ fn check_headers(path: &Path, headers: &[Header]) -> Result<(), Error> {
     for header in headers {
         if header.deep {
             return Err(Error::decode(path, FORMAT, "it holds deep data; flatten it first"));
+        }
+        // The decoder's arithmetic overflows on damaged blocks of this kind.
+        if matches!(header.compression, Compression::B44 | Compression::B44A) {
+            let reason = "its compression B44 is not supported; save it with ZIP";
+            return Err(Error::decode(path, FORMAT, reason));
         }
         let Vec2(width, height) = header.layer_size;
         let channels = header.channels.list.len() as u64;

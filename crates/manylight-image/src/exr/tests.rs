@@ -102,10 +102,18 @@ fn pictures_that_do_not_fit_are_refused() {
 }
 
 #[test]
+fn b44_is_refused_with_a_remedy() {
+    let folder = Folder::new();
+    let path = folder.path("a.exr");
+    write_foreign(&path, Compression::B44, &["R", "G", "B"], true);
+    assert!(read_exr(&path).unwrap_err().to_string().contains("save it with ZIP"));
+}
+
+#[test]
 fn damaged_files_are_errors_or_pictures_but_never_panics() {
     let folder = Folder::new();
     let path = folder.path("a.exr");
-    let compressions = [Compression::ZIP16, Compression::PIZ, Compression::RLE, Compression::B44];
+    let compressions = [Compression::ZIP16, Compression::PIZ, Compression::RLE, Compression::PXR24];
     for compression in compressions {
         write_foreign(&path, compression, &["R", "G", "B"], true);
         let bytes = fs::read(&path).unwrap();

@@ -11,6 +11,7 @@ use super::color::{
 };
 use super::error::check_pair;
 use super::filter::{ColorFilter, FeatureFilter};
+use crate::color::bound;
 use crate::{Error, Raster, luminance};
 
 /// The viewer's resolution: a 0.7 m wide display of 3840 pixels seen from 0.7 m.
@@ -40,7 +41,7 @@ const MAX_EXPOSURES: usize = 48;
 pub fn flip_ldr(a: &Raster, b: &Raster) -> Result<Raster, Error> {
     check_pair(a, b)?;
     let filters = Filters::new();
-    let screen = |rgb: Rgb| rgb.map(|value| value.max(0.0).min(1.0));
+    let screen = |rgb: Rgb| rgb.map(|value| bound(value, 1.0));
     let data = filters.eval(a, &gather_pixels(a, screen), &gather_pixels(b, screen));
     Ok(Raster { channels: 1, data, ..*a })
 }
@@ -151,7 +152,7 @@ impl Filters {
                 let ([edge_a, point_a], [edge_b, point_b]) = (features_a[i], features_b[i]);
                 let feature = (edge_a - edge_b).abs().max((point_a - point_b).abs());
                 let feature = (feature * std::f32::consts::FRAC_1_SQRT_2).powf(FEATURE_EXPONENT);
-                color.powf(1.0 - feature)
+                color.powf(1.0 - feature.min(1.0))
             })
             .collect()
     }
