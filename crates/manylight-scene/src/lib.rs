@@ -2,6 +2,7 @@
 //! [`Scene`].
 
 mod scene;
+pub mod procedural;
 mod error;
 
 pub use error::{Error, Warning};

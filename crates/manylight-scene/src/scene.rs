@@ -295,9 +295,6 @@ impl Camera {
 impl Scene {
     /// Triangles over all instances, as the renderer meets them.
     pub fn triangle_count(&self) -> u64 {
-        self.instances
-            .iter()
-            .map(|i| self.meshes[i.mesh as usize].triangles.len() as u64)
-            .sum()
+        self.instances.iter().map(|i| self.meshes[i.mesh as usize].triangles.len() as u64).sum()
     }
 }
