@@ -122,7 +122,11 @@ fn build_shot(path: &str, file: ShotFile, folder: Option<&Path>) -> Result<Shot,
     if let Some(lights) = file.lights {
         scene.lights.clear();
         scene.sky = None;
-        for (i, light) in lights.into_iter().enumerate() {
+        // Materials of the file first, so that none of our own can be meant by name.
+        let is_late = |light: &ShotLight| !matches!(light, ShotLight::Emissive { .. });
+        let mut lights: Vec<_> = lights.into_iter().enumerate().collect();
+        lights.sort_by_key(|(_, light)| is_late(light));
+        for (i, light) in lights {
             let place = format!("{path}: lights[{i}]");
             match light {
                 ShotLight::SkyMap { file, rotation_rad, scale } => {
@@ -260,9 +264,13 @@ fn choose_camera(scene: &Scene, warnings: &mut Warnings) -> Result<Camera, Error
 /// A camera outside the bounding sphere of the scene's box, looking at its middle.
 fn frame_camera(scene: &Scene) -> Option<Camera> {
     let (mut min, mut max) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+    let boxes: Vec<[Vec3; 2]> = scene.meshes.iter().map(bound_mesh).collect();
     for instance in &scene.instances {
-        for &p in &scene.meshes.get(instance.mesh as usize)?.positions {
-            let p = instance.world_from_object.transform_point3(p);
+        let [low, high] = *boxes.get(instance.mesh as usize)?;
+        for corner in 0..8 {
+            let is_high = |axis: u32| corner >> axis & 1 == 1;
+            let corner = Vec3::select(glam::BVec3::from_array([0, 1, 2].map(is_high)), high, low);
+            let p = instance.world_from_object.transform_point3(corner);
             (min, max) = (min.min(p), max.max(p));
         }
     }
@@ -271,4 +279,10 @@ fn frame_camera(scene: &Scene) -> Option<Camera> {
     let distance = ((max - min).length() / 2.0).max(1e-3) / (vfov_rad / 2.0).sin();
     let position = center + FRAMED_FROM.normalize() * distance;
     Camera::look_at(position, center, Vec3::Y, vfov_rad)
+}
+
+/// Smallest and largest coordinates of the vertices that triangles use.
+fn bound_mesh(mesh: &Mesh) -> [Vec3; 2] {
+    let used = mesh.triangles.iter().flatten().map(|&v| mesh.positions[v as usize]);
+    used.fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], p| [low.min(p), high.max(p)])
 }

@@ -48,7 +48,7 @@ pub(crate) fn load_sky_map(
 }
 
 fn check_size(name: &str, width: usize, height: usize) -> Result<(), Error> {
-    let texel_count = width.checked_mul(height).unwrap_or(usize::MAX);
+    let texel_count = width.saturating_mul(height);
     if width == 0 || height == 0 || width.max(height) > MAX_SIDE || texel_count > MAX_TEXELS {
         return Err(Error::invalid(
             name,

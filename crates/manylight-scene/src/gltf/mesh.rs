@@ -252,6 +252,10 @@ fn is_usable(p: Vec3) -> bool {
     p.abs().max_element() <= MAX_COORDINATE && p.is_finite()
 }
 
+fn is_usable_uv(uv: Vec2) -> bool {
+    uv.is_finite() && uv.abs().max_element() <= 1e9
+}
+
 /// Triangles with finite corners and an area; the others are counted.
 fn drop_unusable(
     positions: &[Vec3],
@@ -306,7 +310,7 @@ fn load_shading(
         if let Some(uvs) = attributes.find(doc, &format!("TEXCOORD_{set}"), &["VEC2"])? {
             mesh.uvs[set] = vertices.iter().map(|v| Vec2::from(uvs.read::<2>(v))).collect();
             let mut bad_count = 0;
-            for uv in mesh.uvs[set].iter_mut().filter(|uv| !(uv.abs().max_element() <= 1e9)) {
+            for uv in mesh.uvs[set].iter_mut().filter(|uv| !is_usable_uv(**uv)) {
                 *uv = Vec2::ZERO;
                 bad_count += 1;
             }

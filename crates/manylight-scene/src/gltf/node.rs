@@ -4,6 +4,7 @@
 //! Limits: a forest at most [`MAX_DEPTH`] deep; walked without recursion.
 
 use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 
 use glam::{Affine3A, DAffine3, DMat3, DMat4, DQuat, DVec3, Vec3, Vec4};
 
@@ -129,8 +130,11 @@ pub(crate) fn load_nodes(
     if let Some(item) = &scene_item {
         scene.sky = light::load_sky(item)?;
     }
-    // glTF mesh → its primitives in the scene.
+    // glTF mesh → its primitives in the scene; glTF skin → its pose.
     let mut known: HashMap<usize, Vec<u32>> = HashMap::new();
+    let mut poses: HashMap<usize, skin::Pose> = HashMap::new();
+    // Largest coordinate of each scene mesh.
+    let mut bounds: Vec<f32> = Vec::new();
     for n in order {
         let node = &graph.nodes[n];
         let world_from_node = graph.world_from_node[n];
@@ -145,25 +149,29 @@ pub(crate) fn load_nodes(
         }
         let Some(reference) = node.field("mesh")? else { continue };
         let (index, _) = doc.follow(&reference, "meshes")?;
-        if let Some(skin) = node.field("skin")? {
-            let pose = skin::load_pose(doc, &skin, &graph)?;
-            let meshes = mesh::load_mesh(doc, &reference, Some(&pose), scene, budget, warnings)?;
-            place_meshes(scene, &meshes, &[DAffine3::IDENTITY], node, budget, warnings)?;
-            continue;
-        }
-        let meshes = match known.get(&index) {
-            Some(meshes) => meshes.clone(),
-            None => {
-                let meshes = mesh::load_mesh(doc, &reference, None, scene, budget, warnings)?;
-                known.insert(index, meshes.clone());
-                meshes
-            }
+        let (meshes, placements) = if let Some(skin) = node.field("skin")? {
+            let pose = match poses.entry(doc.follow(&skin, "skins")?.0) {
+                Entry::Occupied(entry) => entry.into_mut(),
+                Entry::Vacant(entry) => entry.insert(skin::load_pose(doc, &skin, &graph)?),
+            };
+            let meshes = mesh::load_mesh(doc, &reference, Some(pose), scene, budget, warnings)?;
+            (meshes, vec![DAffine3::IDENTITY])
+        } else {
+            let meshes = match known.entry(index) {
+                Entry::Occupied(entry) => entry.into_mut(),
+                Entry::Vacant(entry) => {
+                    entry.insert(mesh::load_mesh(doc, &reference, None, scene, budget, warnings)?)
+                }
+            };
+            let placements = match find_extension(node, "EXT_mesh_gpu_instancing")? {
+                Some(item) => load_instancing(doc, &item, &world_from_node, budget)?,
+                None => vec![world_from_node],
+            };
+            (meshes.clone(), placements)
         };
-        let placements = match find_extension(node, "EXT_mesh_gpu_instancing")? {
-            Some(item) => load_instancing(doc, &item, &world_from_node, budget)?,
-            None => vec![world_from_node],
-        };
-        place_meshes(scene, &meshes, &placements, node, budget, warnings)?;
+        bounds.extend(scene.meshes[bounds.len()..].iter().map(|m| m.max_coordinate()));
+        budget.take_instances(meshes.len() as u64 * placements.len() as u64, node)?;
+        place_meshes(scene, &meshes, &bounds, &placements, warnings);
     }
     Ok(())
 }
@@ -172,40 +180,32 @@ fn find_extension<'a>(node: &Item<'a>, name: &str) -> Result<Option<Item<'a>>, E
     node.field("extensions")?.map_or(Ok(None), |e| e.field(name))
 }
 
+/// Adds an instance of each mesh at each place, unless it would be out of reach.
 fn place_meshes(
     scene: &mut Scene,
     meshes: &[u32],
+    bounds: &[f32],
     placements: &[DAffine3],
-    node: &Item<'_>,
-    budget: &mut Budget,
     warnings: &mut Warnings,
-) -> Result<(), Error> {
-    budget.take_instances(meshes.len() as u64 * placements.len() as u64, node)?;
+) {
+    let mut lost_count = 0;
     for world_from_node in placements {
         let matrix = world_from_node.matrix3.as_mat3();
         let world_from_object =
             Affine3A::from_mat3_translation(matrix, world_from_node.translation.as_vec3());
+        let entries = world_from_object.to_cols_array();
+        let is_finite = entries.iter().all(|x| x.is_finite());
+        let largest = entries.iter().fold(0.0_f32, |a, x| a.max(x.abs()));
         for &mesh in meshes {
-            if is_within_reach(scene, mesh, &world_from_object) {
+            if is_finite && largest * bounds[mesh as usize] <= MAX_COORDINATE {
                 scene.instances.push(Instance { mesh, world_from_object });
             } else {
-                let message = "a mesh placed at coordinates that are not finite or beyond 1e15 \
-                               is left out";
-                warnings.add(message, 1);
+                lost_count += 1;
             }
         }
     }
-    Ok(())
-}
-
-/// Whether all coordinates stay usable after placement (judged by the corners of the bounds).
-fn is_within_reach(scene: &Scene, mesh: u32, world_from_object: &Affine3A) -> bool {
-    let entries = world_from_object.to_cols_array();
-    let Some(bound) = scene.meshes.get(mesh as usize).map(|m| m.max_coordinate()) else {
-        return false;
-    };
-    let largest = entries.iter().fold(0.0_f32, |a, x| if x.is_nan() { *x } else { a.max(x.abs()) });
-    largest.is_finite() && largest <= MAX_COORDINATE && largest * bound <= MAX_COORDINATE
+    let message = "a mesh placed at coordinates not finite or beyond 1e15 is left out";
+    warnings.add(message, lost_count);
 }
 
 /// TRS or matrix of a node; what is not usable is replaced by the identity with a warning.

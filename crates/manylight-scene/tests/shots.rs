@@ -1,0 +1,212 @@
+//! Shot files: what they mean, and what is refused.
+
+mod support;
+
+use std::path::PathBuf;
+
+use glam::{Vec3, vec3};
+use manylight_scene::{Error, Light, Projection, Shot, Sky, load, parse_shot_text};
+use serde_json::{Value, json};
+use support::*;
+
+/// A folder of its own with `t.glb`, a triangle of material "paint".
+fn make_folder(name: &str) -> PathBuf {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
+    std::fs::create_dir_all(&folder).unwrap();
+    let mut glb = Glb::triangle();
+    glb.json["materials"] = json!([{"name": "paint"}, {"name": "lamp"}]);
+    glb.json["meshes"][0]["primitives"][0]["material"] = json!(0);
+    glb.json["scenes"][0]["extras"] = json!({"sky_radiance": [1, 1, 1]});
+    std::fs::write(folder.join("t.glb"), glb.bytes()).unwrap();
+    folder
+}
+
+fn load_text(folder: &std::path::Path, file: &str, text: &str) -> Result<Shot, Error> {
+    let path = folder.join(file);
+    std::fs::write(&path, text).unwrap();
+    load(&path.display().to_string())
+}
+
+fn good() -> Value {
+    json!({
+        "scene": "t.glb",
+        "camera": {"position": [0, 2, 0], "target": [1, 2, 0], "up": [0, 1, 0], "vfov_deg": 60,
+            "width": 1280, "height": 720},
+        "lights": [
+            {"type": "sun", "direction": [0, -2, 0], "irradiance": [20, 19, 17]},
+            {"type": "point", "position": [0, 3, 0], "intensity": [50, 50, 50]},
+            {"type": "spot", "position": [0, 3, 0], "direction": [0, -1, 0],
+                "intensity": [80, 80, 80], "cone_deg": 40},
+            {"type": "area", "corner": [0, 4, 0], "edge_u": [1, 0, 0], "edge_v": [0, 0, 1],
+                "radiance": [9, 9, 8]},
+            {"type": "sky", "radiance": [0.5, 0.65, 0.95]},
+            {"type": "emissive", "material": "paint", "radiance": [30, 25, 20]},
+        ],
+        "settings": {"method": "grid", "anything": [1, 2]},
+    })
+}
+
+#[test]
+fn every_part_of_a_shot_arrives() {
+    let folder = make_folder("every_part");
+    let shot = load_text(&folder, "shot.json", &good().to_string()).unwrap();
+    assert_eq!(shot.settings["anything"], json!([1, 2]));
+    assert_eq!(shot.camera.forward, Vec3::X);
+    assert_eq!(shot.camera.size_px, Some([1280, 720]));
+    let vfov_rad = 60_f32.to_radians();
+    assert_eq!(shot.camera.projection, Projection::Perspective { vfov_rad });
+    let [sun, point, Light::Spot { cos_inner, cos_outer, .. }] = shot.scene.lights[..] else {
+        panic!("{:?}", shot.scene.lights)
+    };
+    let irradiance = vec3(20., 19., 17.);
+    assert_eq!(sun, Light::Sun { direction: Vec3::NEG_Y, irradiance });
+    assert!(matches!(point, Light::Point { .. }));
+    // inner_deg defaults to three quarters of cone_deg.
+    assert!((cos_outer - 40_f32.to_radians().cos()).abs() < 1e-6);
+    assert!((cos_inner - 30_f32.to_radians().cos()).abs() < 1e-6);
+    let Some(Sky::Constant(sky)) = shot.scene.sky else { panic!() };
+    assert_eq!(sky, vec3(0.5, 0.65, 0.95));
+    assert_eq!(shot.scene.materials[0].emission, vec3(30., 25., 20.));
+    // The area light is a one-sided black quad that faces edge_u × edge_v.
+    let mesh = shot.scene.meshes.last().unwrap();
+    let material = &shot.scene.materials[mesh.material as usize];
+    assert_eq!(mesh.triangles.len(), 2);
+    for t in &mesh.triangles {
+        let [a, b, c] = t.map(|v| mesh.positions[v as usize]);
+        assert_eq!((b - a).cross(c - a), Vec3::NEG_Y);
+    }
+    assert_eq!((material.emission, material.double_sided), (vec3(9., 9., 8.), false));
+    assert_eq!(material.base_color.truncate(), Vec3::ZERO);
+}
+
+#[test]
+fn without_lights_the_file_shines_and_without_camera_one_is_placed() {
+    let folder = make_folder("without_lights");
+    let shot = load_text(&folder, "shot.json", r#"{"scene": "t.glb"}"#).unwrap();
+    assert!(matches!(shot.scene.sky, Some(Sky::Constant(_))));
+    assert_eq!(count_warnings(&shot, "no camera"), 1);
+    assert_eq!(shot.camera.size_px, None);
+}
+
+#[test]
+fn sky_maps_are_scaled_and_turned() {
+    let folder = make_folder("sky_maps");
+    let mut bytes = Vec::new();
+    let texels = [image::Rgb([1.0_f32, 2.0, 4.0]), image::Rgb([0.5, 0.0, 0.25])];
+    image::codecs::hdr::HdrEncoder::new(&mut bytes).encode(&texels, 2, 1).unwrap();
+    std::fs::write(folder.join("sky.hdr"), bytes).unwrap();
+    exr::prelude::write_rgb_file(folder.join("sky.exr"), 2, 1, |x, _| match x {
+        0 => (1.0_f32, 2.0_f32, 4.0_f32),
+        _ => (0.5, f32::NAN, 0.25),
+    })
+    .unwrap();
+    for (file, bad_count) in [("sky.hdr", 0), ("sky.exr", 1)] {
+        let light = json!({"type": "sky", "map": file, "rotation_deg": 90, "scale": 2});
+        let text = json!({"scene": "t.glb", "lights": [light]}).to_string();
+        let shot = load_text(&folder, "shot.json", &text).unwrap();
+        let Some(Sky::Map(map)) = &shot.scene.sky else { panic!() };
+        assert_eq!((map.width, map.height), (2, 1));
+        assert_eq!(map.radiance[0], vec3(2., 4., 8.));
+        assert!((map.rotation_rad - std::f32::consts::FRAC_PI_2).abs() < 1e-6);
+        assert_eq!(count_warnings(&shot, "sky texel"), bad_count);
+    }
+}
+
+#[test]
+fn wrong_fields_are_refused_with_their_place() {
+    let folder = make_folder("wrong_fields");
+    std::fs::write(folder.join("text.hdr"), "hello").unwrap();
+    std::fs::write(folder.join("cut.exr"), [0x76, 0x2f, 0x31, 0x01, 2, 0]).unwrap();
+    let cases: Vec<(&str, Value, &str)> = vec![
+        ("/scene", Value::Null, "`scene` is missing"),
+        ("/scene", json!(""), "empty"),
+        ("/scene", json!(3), "scene: the number 3"),
+        ("/scene", json!("absent.glb"), "relative to the shot file"),
+        ("/scene", json!("shot.json"), "is not glTF"),
+        ("/scene", json!("."), "not a file"),
+        ("/scene", json!("builtin:nowhere"), "no built-in scene \"nowhere\""),
+        ("/extra", json!(1), "extra: unknown key; allowed: scene, camera, lights, settings"),
+        ("/settings", json!([1]), "settings: a list"),
+        ("/camera", json!(1), "camera: the number 1"),
+        ("/camera/vfov", json!(1), "camera.vfov: unknown key; allowed: position, target"),
+        ("/camera/position", Value::Null, "camera: `position` is missing"),
+        ("/camera/position", json!([0, 2]), "3 finite numbers"),
+        ("/camera/position", json!([0, "2", 0]), "camera.position[1]"),
+        ("/camera/position", json!([0, 1e200, 0]), "single precision"),
+        ("/camera/position", json!([0, 1e30, 0]), "beyond"),
+        ("/camera/target", json!([0, 2, 0]), "span no frame"),
+        ("/camera/up", json!([1, 0, 0]), "span no frame"),
+        ("/camera/up", json!([0, 0, 0]), "span no frame"),
+        ("/camera/vfov_deg", json!(0), "camera.vfov_deg: 0 found"),
+        ("/camera/vfov_deg", json!(180), "below 180"),
+        ("/camera/vfov_deg", json!("60"), "finite number"),
+        ("/camera/width", json!(0), "1 to 65536"),
+        ("/camera/width", json!(65537), "1 to 65536"),
+        ("/camera/width", json!(12.5), "whole number"),
+        ("/camera/width", Value::Null, "belong together"),
+        ("/lights", json!({}), "lights: an object"),
+        ("/lights", json!([]), "nothing shines"),
+        ("/lights", json!([{"type": "sky", "radiance": [0, 0, 0]}]), "nothing shines"),
+        (
+            "/lights",
+            json!([{"type": "emissive", "material": "lamp", "radiance": [1, 1, 1]}]),
+            "nothing shines",
+        ),
+        ("/lights/0/type", Value::Null, "lights[0]: `type` is missing"),
+        ("/lights/0/type", json!("moon"), "allowed: sun, point, spot, area, sky, emissive"),
+        ("/lights/0/colour", json!(1), "lights[0].colour: unknown key"),
+        ("/lights/0/direction", json!([0, 0, 0]), "no length"),
+        ("/lights/0/irradiance", json!([1, -1, 0]), "lights[0].irradiance"),
+        ("/lights/0/irradiance", json!(4), "3 finite numbers"),
+        ("/lights/1/intensity", json!([1e20, 0, 0]), "0 to 1e15"),
+        ("/lights/2/cone_deg", json!(91), "up to 90"),
+        ("/lights/2/cone_deg", json!(0), "above 0"),
+        ("/lights/2/inner_deg", json!(41), "up to cone_deg 40"),
+        ("/lights/2/inner_deg", json!(-1), "above 0"),
+        ("/lights/3/edge_v", json!([2, 0, 0]), "span no area"),
+        ("/lights/3/radiance", Value::Null, "`radiance` is missing"),
+        ("/lights/4/map", json!("sky.hdr"), "either `radiance` or `map`"),
+        ("/lights/4/scale", json!(1), "lights[4].scale: unknown key"),
+        ("/lights/4", json!({"type": "sky", "map": "none.hdr"}), "none.hdr"),
+        ("/lights/4", json!({"type": "sky", "map": "text.hdr"}), "neither Radiance"),
+        ("/lights/4", json!({"type": "sky", "map": "cut.exr"}), "cannot be decoded"),
+        ("/lights/4", json!({"type": "sky", "map": "a.hdr", "scale": -1}), "lights[4].scale"),
+        ("/lights/3", json!({"type": "sky", "radiance": [1, 1, 1]}), "more than one sky"),
+        ("/lights/5/material", json!("pant"), "nearest of 2: paint, lamp"),
+    ];
+    for (pointer, value, fragment) in cases {
+        let mut shot = good();
+        let (parent, key) = pointer.rsplit_once('/').unwrap();
+        match shot.pointer_mut(parent).unwrap() {
+            Value::Array(list) => list[key.parse::<usize>().unwrap()] = value.clone(),
+            other => other[key] = value.clone(),
+        }
+        let result = load_text(&folder, "shot.json", &shot.to_string());
+        let message = result.expect_err(&format!("{pointer} = {value}")).to_string();
+        assert!(!message.contains('\n'), "{message:?}");
+        assert!(message.contains(fragment), "{pointer} = {value}: «{message}» lacks «{fragment}»");
+    }
+}
+
+#[test]
+fn wrong_files_are_refused() {
+    let folder = make_folder("wrong_files");
+    for (text, fragment) in [
+        ("", "the file is empty"),
+        ("   ", "begins with neither"),
+        ("hello", "begins with neither"),
+        ("{", "line 1, column 1"),
+        ("{\"scene\": 1e999}", "out of range"),
+        ("{}", "`scene` is missing"),
+        ("{\"asset\": 1}", "asset"),
+        ("glTF", "cut short"),
+    ] {
+        let message = load_text(&folder, "file.json", text).expect_err(text).to_string();
+        assert!(message.contains(fragment) && !message.contains('\n'), "{message:?} {fragment}");
+    }
+    for path in ["", "/nonexistent/shot.json", "builtin:", "builtin:\n"] {
+        let message = load(path).expect_err(path).to_string();
+        assert!(!message.contains('\n') && !message.is_empty(), "{message:?}");
+    }
+    assert!(parse_shot_text("a.json", "{\"scene\": \"x.glb\"}").unwrap().lights.is_none());
+}
