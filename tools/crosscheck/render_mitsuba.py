@@ -124,7 +124,7 @@ def write_ply(path, position, normal, uv, colour=None):
         file.write(faces.tobytes())
 
 
-def build(mi, shot_path, size, folder):
+def build(mi, shot_path, size, folder, face_normals):
     shot = json.load(open(shot_path))
     scene_path = shot_path.parent / shot["scene"]
     if "lights" not in shot:
@@ -152,7 +152,7 @@ def build(mi, shot_path, size, folder):
         name = f"m{index}_{int(colour)}"
         count += len(join("position"))
         # An emitter's front is told by its winding, so emitters are flat-shaded.
-        write_ply(f"{folder}/{name}.ply", join("position"), join("flat" if shines else "normal"), join("uv"),
+        write_ply(f"{folder}/{name}.ply", join("position"), join("flat" if shines or face_normals else "normal"), join("uv"),
                   join("colour") * np.array(materials.factor(index)) if colour else None)
         shape = {"type": "ply", "filename": f"{folder}/{name}.ply", "bsdf": materials.bsdf(index, colour)}
         if shines:
@@ -214,6 +214,7 @@ def main():
     parser.add_argument("--bounces", type=int, default=4, help="surfaces between light and eye at most (1 + VPL bounces)")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--integrator", choices=("volpath", "path"), default="volpath")
+    parser.add_argument("--face-normals", action="store_true", help="ignore the file's normals: shows what smooth normals do")
     parser.add_argument("--variant", default=None)
     parser.add_argument("--threads", type=int, default=0)
     args = parser.parse_args()
@@ -232,7 +233,7 @@ def main():
 
     started = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
-        scene = build(mi, shot, size, folder)
+        scene = build(mi, shot, size, folder, args.face_normals)
     print(f"{variant}, {args.integrator}: loaded in {time.perf_counter() - started:.1f} s", file=sys.stderr)
 
     layers = LAYERS if args.layer == "all" else (args.layer,)
