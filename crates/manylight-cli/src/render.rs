@@ -91,7 +91,7 @@ pub fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     let render_ms = start.elapsed().as_secs_f64() * 1e3;
 
     let mut metadata = metadata(&settings, &camera, args, render_ms);
-    metadata.push(("sceneHash".to_owned(), format!("{scene_hash:016x}")));
+    metadata.push(("manylight.sceneHash".to_owned(), format!("{scene_hash:016x}")));
     let picture = output::picture(&frame, metadata);
     for path in &args.output {
         output::write(&picture, path, &settings)?;
@@ -185,9 +185,10 @@ fn metadata(
         (-camera.forward).extend(0.0),
         camera.position.extend(1.0),
     );
-    let text = |k: &str, v: String| (k.to_owned(), v);
+    // A prefix, because OpenEXR reserves many plain names.
+    let text = |k: &str, v: String| (format!("manylight.{k}"), v);
     vec![
-        text("software", format!("manylight {}", env!("CARGO_PKG_VERSION"))),
+        text("version", env!("CARGO_PKG_VERSION").to_owned()),
         text("scene", args.scene.clone()),
         text("settings", Value::Object(settings.to_json()).to_string()),
         text("seed", settings.seed.to_string()),

@@ -6,7 +6,6 @@
 //! [`Warning`] or refused with an [`Error`] of one sentence.
 
 mod scene;
-pub mod procedural;
 mod error;
 mod json;
 mod gltf;
