@@ -4,6 +4,7 @@ use crate::args::BenchArgs;
 use crate::render::{self, render_with_bar};
 use crate::{Failure, Outcome};
 use manylight::bench::{self, Quality, RayBatch};
+use manylight::gather::grid::{DETAIL, LightingGrid};
 use manylight::{Renderer, Settings};
 use serde_json::{Value, json};
 use std::io::Write;
@@ -80,7 +81,8 @@ fn rays(
 ) -> Result<Value, Failure> {
     let batch = RayBatch::new(renderer, camera, size, settings);
     if let Some(path) = &args.dump_rays {
-        let bytes = |values: &[f32]| values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<_>>();
+        let bytes =
+            |values: &[f32]| values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<_>>();
         std::fs::write(path.with_extension("tri"), bytes(&batch.triangles(renderer)))?;
         std::fs::write(path.with_extension("ray"), bytes(&batch.to_floats()))?;
     }
@@ -102,7 +104,7 @@ fn build(renderer: &Renderer, settings: &Settings) -> Value {
     let mut counts = (0, 0);
     for _ in 0..RUNS {
         let start = Instant::now();
-        let grid = manylight::gather::grid::LightingGrid::build(&lights, &settings.grid);
+        let grid = LightingGrid::build(&lights, &settings.grid, DETAIL * renderer.d_min(settings));
         times.push(start.elapsed().as_secs_f64() * 1e3);
         counts = (grid.levels.len(), grid.light_count());
     }

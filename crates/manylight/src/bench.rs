@@ -69,12 +69,8 @@ fn random_receivers(
     count: usize,
 ) -> Receivers {
     let view = ViewFrame::new(camera, size[0], size[1]);
-    let all = Receivers::trace(
-        &renderer.world,
-        &view,
-        Vec2::splat(0.5),
-        settings.surface.normal_maps,
-    );
+    let all =
+        Receivers::trace(&renderer.world, &view, Vec2::splat(0.5), settings.surface.normal_maps);
     let mut samples = Vec::new();
     for i in 0..count as u32 * 8 {
         let u = Sequence::new(settings.seed ^ 77, i).next_2d();
@@ -109,7 +105,7 @@ pub fn quality(
     let lights = trace_vpls(renderer, settings);
     let receivers = random_receivers(renderer, camera, size, settings, receiver_count);
     let d_min = renderer.d_min(settings);
-    let lighting_grid = grid::LightingGrid::build(&lights, &settings.grid);
+    let lighting_grid = grid::LightingGrid::build(&lights, &settings.grid, grid::DETAIL * d_min);
     let gathered =
         grid::gather(&renderer.world, &receivers, &lighting_grid, settings, d_min, settings.seed);
     let lit: Vec<usize> =
@@ -164,8 +160,7 @@ impl RayBatch {
             let surface = receivers.samples[pixel].surface.as_ref()?;
             let light = lights.get((sequence.next_1d() * lights.len() as f32) as usize)?;
             let origin = surface.ray_origin(&renderer.world);
-            let target = light.position
-                + light.normal * renderer.world.ray_offset(light.position);
+            let target = light.position + light.normal * renderer.world.ray_offset(light.position);
             let direction = target - origin;
             Some(Ray { origin, direction, t_max: shadow::SEGMENT_END })
         };
@@ -184,11 +179,7 @@ impl RayBatch {
 
     /// Traces all rays; how many were stopped.
     pub fn trace(&self, renderer: &Renderer) -> usize {
-        self.rays
-            .par_iter()
-            .with_min_len(4096)
-            .filter(|ray| renderer.world.occluded(ray))
-            .count()
+        self.rays.par_iter().with_min_len(4096).filter(|ray| renderer.world.occluded(ray)).count()
     }
 
     /// Origin, 0, direction, end of each ray, for other renderers.

@@ -116,9 +116,8 @@ group! {
     /// The lighting grid hierarchy [LinYuksel19].
     GridSettings {
         /// r_l = alpha · h_l: how far a level reaches, 0.25 to 16. Cost grows about with its square.
-        alpha: f32 = 1.0,
-        /// Number of levels, 2 to 14; null: the largest for which level 1 has fewer lights than
-        /// half the virtual lights.
+        alpha: f32 = 1.5,
+        /// Number of levels, 2 to 14; null: chosen from the number and the spread of the lights.
         levels: Option<u32> = None,
         /// 0 evaluates the virtual lights themselves near the receiver, 1 starts at the grid.
         start_level: u32 = 1,
@@ -188,7 +187,7 @@ impl Settings {
         let mut s = Self::default();
         match name {
             "draft" => (s.vpls.count, s.grid.alpha, s.shadow.rays) = (20_000, 0.75, 2),
-            "fast" => (s.vpls.count, s.grid.alpha) = (50_000, 0.75),
+            "fast" => (s.vpls.count, s.grid.alpha) = (50_000, 1.0),
             "balanced" => {}
             "fine" => (s.vpls.count, s.grid.alpha, s.shadow.rays) = (300_000, 1.5, 8),
             "exhaustive" => {
@@ -196,11 +195,16 @@ impl Settings {
                 (s.vpls.bounces, s.film.samples) = (8, 4);
             }
             "paper" => {
+                s.grid.alpha = 1.0;
                 (s.grid.lobes, s.shadow.start_level) = (1, 2);
-                (s.shadow.target, s.shadow.estimate) = (ShadowTarget::Variance, ShadowEstimate::Mean);
+                (s.shadow.target, s.shadow.estimate) =
+                    (ShadowTarget::Variance, ShadowEstimate::Mean);
             }
             _ => {
-                return Err(setting("preset", format!("no preset {name:?}; use one of {PRESETS:?}")));
+                return Err(setting(
+                    "preset",
+                    format!("no preset {name:?}; use one of {PRESETS:?}"),
+                ));
             }
         }
         Ok(s)
@@ -281,7 +285,11 @@ fn setting(path: &str, problem: String) -> Error {
 }
 
 /// Overlays `object` on `whole`, refusing keys that `whole` does not have.
-fn merge(whole: &mut Map<String, Value>, object: &Map<String, Value>, at: &str) -> Result<(), Error> {
+fn merge(
+    whole: &mut Map<String, Value>,
+    object: &Map<String, Value>,
+    at: &str,
+) -> Result<(), Error> {
     for (key, value) in object {
         let path = if at.is_empty() { key.clone() } else { format!("{at}.{key}") };
         let known = whole.keys().cloned().collect::<Vec<_>>().join(", ");

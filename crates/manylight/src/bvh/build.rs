@@ -10,10 +10,8 @@ impl Bvh {
     /// Errors: never; without triangles every ray misses.
     /// Cost:   O(n log n); about 60 B per triangle
     pub fn build(triangles: &[Triangle]) -> Self {
-        let boxes: Vec<Aabb> = triangles
-            .iter()
-            .map(|t| Aabb::from_points(&t.corners.map(Into::into)))
-            .collect();
+        let boxes: Vec<Aabb> =
+            triangles.iter().map(|t| Aabb::from_points(&t.corners.map(Into::into))).collect();
         let mut bvh = Self { nodes: vec![Node::EMPTY], packs: Vec::new() };
         if boxes.is_empty() {
             return bvh;

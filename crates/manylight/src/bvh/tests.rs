@@ -24,7 +24,8 @@ fn reference_t(triangle: &Triangle, ray: &Ray) -> Option<f64> {
     let n = (b - a).cross(c - a);
     let t = (a - origin).dot(n) / direction.dot(n);
     let p = origin + direction * t;
-    let inside = [(a, b), (b, c), (c, a)].iter().all(|(s, e)| (*e - *s).cross(p - *s).dot(n) >= 0.0);
+    let inside =
+        [(a, b), (b, c), (c, a)].iter().all(|(s, e)| (*e - *s).cross(p - *s).dot(n) >= 0.0);
     (inside && t > 0.0 && t < f64::from(ray.t_max)).then_some(t)
 }
 

@@ -51,12 +51,7 @@ impl Prepared {
             1.0 / if d.abs() < 1e-30 { 1e-30f32.copysign(d) } else { d }
         });
         let near = inverse.map(|i| usize::from(i < 0.0));
-        Self {
-            origin: ray.origin.to_array(),
-            direction: ray.direction.to_array(),
-            inverse,
-            near,
-        }
+        Self { origin: ray.origin.to_array(), direction: ray.direction.to_array(), inverse, near }
     }
 }
 

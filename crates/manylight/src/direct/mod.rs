@@ -29,9 +29,8 @@ pub fn from_lights(
         let e = sample.irradiance * surface.ns.dot(sample.direction).max(0.0);
         (e.max_element() > 0.0).then_some((sample, e))
     };
-    let seen = |sample: &DirectSample| {
-        shadow::is_open(world, surface, sample.direction, sample.distance)
-    };
+    let seen =
+        |sample: &DirectSample| shadow::is_open(world, surface, sample.direction, sample.distance);
     let count = emitters.lights.len();
     if count <= EXACT_LIGHTS {
         return (0..count)

@@ -72,8 +72,7 @@ impl Emitters {
             let area = 2.0 * (size.x * size.y + size.y * size.z + size.z * size.x);
             luminance(s.mean_radiance()) * 4.0 * PI * area * 0.25
         });
-        let weights: Vec<f32> =
-            lights.iter().map(flux).chain([surface.flux(), sky_flux]).collect();
+        let weights: Vec<f32> = lights.iter().map(flux).chain([surface.flux(), sky_flux]).collect();
         Self { lights, surface, sky, by_flux: Discrete::new(weights) }
     }
 
@@ -118,11 +117,9 @@ impl Emitters {
     /// What light `index` gives point `p`; `None` where it gives nothing.
     pub fn direct(&self, index: usize, p: Vec3) -> Option<DirectSample> {
         match self.lights[index] {
-            Light::Sun { direction, irradiance } => Some(DirectSample {
-                direction: -direction,
-                distance: f32::INFINITY,
-                irradiance,
-            }),
+            Light::Sun { direction, irradiance } => {
+                Some(DirectSample { direction: -direction, distance: f32::INFINITY, irradiance })
+            }
             Light::Point { position, intensity } => at_distance(p, position, |_| intensity),
             Light::Spot { position, direction, intensity, cos_outer, cos_inner } => {
                 at_distance(p, position, |toward| {

@@ -173,7 +173,7 @@ impl Renderer {
             return self.gather_brute(receivers, lights, d_min, clock);
         }
         let lighting_grid = clock.run("grid", || {
-            let grid = grid::LightingGrid::build(lights, &settings.grid);
+            let grid = grid::LightingGrid::build(lights, &settings.grid, grid::DETAIL * d_min);
             let count = grid.light_count() as u64;
             (grid, count)
         });
@@ -220,7 +220,12 @@ impl Renderer {
     }
 
     /// Irradiance from sun, point and spot lights and from the sky.
-    fn direct_irradiance(&self, receivers: &Receivers, settings: &Settings, seed: u32) -> Vec<Vec3> {
+    fn direct_irradiance(
+        &self,
+        receivers: &Receivers,
+        settings: &Settings,
+        seed: u32,
+    ) -> Vec<Vec3> {
         let rays = match settings.method {
             Method::Brute => BRUTE_SKY_RAYS,
             _ => settings.shadow.rays.max(MIN_SKY_RAYS),
@@ -237,12 +242,7 @@ impl Renderer {
     }
 
     /// The reference: every pixel by paths.
-    fn path_layers(
-        &self,
-        view: &ViewFrame,
-        settings: &Settings,
-        clock: &mut Clock<'_>,
-    ) -> Layers {
+    fn path_layers(&self, view: &ViewFrame, settings: &Settings, clock: &mut Clock<'_>) -> Layers {
         let normal_maps = settings.surface.normal_maps;
         let receivers = Receivers::trace(&self.world, view, Vec2::splat(0.5), normal_maps);
         let mut layers = Layers::new(&receivers, |d| self.sky(d));
@@ -260,7 +260,9 @@ impl Renderer {
                 for s in 0..spp {
                     let (x, y) = (i % view.width, i / view.width);
                     let path = tracer.trace(view, x, y, Sequence::new(seed, s));
-                    for (sum, part) in sums.iter_mut().zip([path.emission, path.direct, path.indirect]) {
+                    for (sum, part) in
+                        sums.iter_mut().zip([path.emission, path.direct, path.indirect])
+                    {
                         *sum += part.as_dvec3();
                     }
                 }

@@ -6,7 +6,9 @@ fn sequence_is_uniform_in_every_dimension() {
         let mut bins = [0u32; 64];
         for index in 0..4096 {
             let mut sequence = Sequence::new(7, index);
-            (0..dimension_pairs).for_each(|_| drop(sequence.next_2d()));
+            (0..dimension_pairs).for_each(|_| {
+                sequence.next_2d();
+            });
             let [x, y] = sequence.next_2d();
             bins[(x * 8.0) as usize * 8 + (y * 8.0) as usize] += 1;
         }

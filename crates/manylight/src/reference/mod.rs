@@ -84,7 +84,7 @@ impl PathTracer<'_> {
         if !self.emitters.surface.is_empty() {
             let (choose, u) = (seq.next_1d(), seq.next_2d());
             let found = self.emitters.surface.sample(self.world, choose, u);
-            sum += found.map_or(Vec3::ZERO, |s| self.from_emitter(surface, &s));
+            sum += found.map_or(Vec3::ZERO, |s| self.emitter_irradiance(surface, &s));
         }
         let is_map = matches!(self.world.scene.sky, Some(manylight_scene::Sky::Map(_)));
         if let (Some(sky), true) = (&self.emitters.sky, is_map) {
@@ -97,7 +97,7 @@ impl PathTracer<'_> {
         sum
     }
 
-    fn from_emitter(&self, surface: &SurfacePoint, s: &SurfaceSample) -> Vec3 {
+    fn emitter_irradiance(&self, surface: &SurfacePoint, s: &SurfaceSample) -> Vec3 {
         let offset = s.position - surface.position;
         let dist_sq = offset.length_squared();
         let Some(direction) = offset.try_normalize() else { return Vec3::ZERO };

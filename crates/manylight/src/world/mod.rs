@@ -123,11 +123,8 @@ impl World {
         let source = &self.scene.meshes[mesh];
         let opaque = !self.has_holes[source.material as usize];
         let corners = |t: &[u32; 3]| t.map(|v| source.positions[v as usize]);
-        let build: Vec<Triangle> = source
-            .triangles
-            .iter()
-            .map(|t| Triangle { corners: corners(t), opaque })
-            .collect();
+        let build: Vec<Triangle> =
+            source.triangles.iter().map(|t| Triangle { corners: corners(t), opaque }).collect();
         let triangles = (0..build.len() as u32).collect();
         let [low, high] = bounds_of(build.iter().flat_map(|t| t.corners));
         let mut placed = Vec::new();
@@ -135,7 +132,11 @@ impl World {
             let world_from_object = self.scene.instances[instance as usize].world_from_object;
             let corner = |i: u32| {
                 let pick = |axis: u32, a: f32, b: f32| if i >> axis & 1 == 0 { a } else { b };
-                let p = Vec3::new(pick(0, low.x, high.x), pick(1, low.y, high.y), pick(2, low.z, high.z));
+                let p = Vec3::new(
+                    pick(0, low.x, high.x),
+                    pick(1, low.y, high.y),
+                    pick(2, low.z, high.z),
+                );
                 world_from_object.transform_point3(p)
             };
             let bounds = bounds_of((0..8).map(corner));
@@ -204,9 +205,8 @@ impl World {
     /// The nearest surface along a ray. Texels that are cut out are passed.
     #[inline]
     pub fn closest(&self, ray: &Ray) -> Option<Hit> {
-        let accept = |instance, triangle, barycentrics| {
-            self.stops(ray, instance, triangle, barycentrics)
-        };
+        let accept =
+            |instance, triangle, barycentrics| self.stops(ray, instance, triangle, barycentrics);
         let flat = self.flat.closest(ray, |h| {
             let [instance, triangle] = self.flat_triangles[h.triangle as usize];
             accept(instance, triangle, h.barycentrics)
@@ -219,9 +219,9 @@ impl World {
             let t_max = best.map_or(ray.t_max, |b| b.t);
             let Some(local) = placement.local_ray(ray, t_max) else { continue };
             let of = |h: u32| shared.triangles[h as usize];
-            let hit = shared.bvh.closest(&local, |h| {
-                accept(placement.instance, of(h.triangle), h.barycentrics)
-            });
+            let hit = shared
+                .bvh
+                .closest(&local, |h| accept(placement.instance, of(h.triangle), h.barycentrics));
             best = hit.map_or(best, |h| {
                 let (instance, triangle) = (placement.instance, of(h.triangle));
                 Some(Hit { t: h.t, barycentrics: h.barycentrics, instance, triangle })

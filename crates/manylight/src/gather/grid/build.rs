@@ -17,9 +17,14 @@ pub(super) const BLOCK: usize = 64;
 impl LightingGrid {
     /// Builds the hierarchy over `lights`.
     ///
+    /// Without a setting the number of levels is the largest for which level 1 has fewer lights
+    /// than half the virtual lights, or more until level 1 resolves `detail`, the size in metres
+    /// below which a cell brings nothing, as long as level 1 has fewer than four lights per
+    /// virtual light: a few lights far away must not coarsen the rest.
+    ///
     /// Lights without intensity or with a value that is not finite are left out.
     /// Errors: never; without lights there are no levels
-    pub fn build(lights: &[Vpl], settings: &GridSettings) -> Self {
+    pub fn build(lights: &[Vpl], settings: &GridSettings, detail: f32) -> Self {
         let is_valid = |l: &&Vpl| {
             l.position.is_finite() && l.normal.is_finite() && luminance(l.intensity) > 0.0
         };
@@ -30,18 +35,17 @@ impl LightingGrid {
         let fold = |[a, b]: [Vec3; 2], l: &Vpl| [a.min(l.position), b.max(l.position)];
         let [low, high] = lights.iter().fold([Vec3::INFINITY, Vec3::NEG_INFINITY], fold);
         // A little room, so that the last light lies inside the last cell.
-        let edge = ((high - low).max_element() * 1.0001).max(1e-4 * high.abs().max_element().max(1e-3));
+        let edge =
+            ((high - low).max_element() * 1.0001).max(1e-4 * high.abs().max_element().max(1e-3));
         let mut cube = Cube { origin: low, edge, level_count: 0, lobes: settings.lobes };
-        let limit = lights.len() / 2;
-        cube.level_count = match settings.levels {
-            Some(levels) => levels,
-            None => cube.guess_level_count(&lights, limit),
-        };
+        let levels = settings.levels.unwrap_or_else(|| cube.choose_level_count(&lights, detail));
+        cube.level_count = levels;
         loop {
             let mut grid = cube.sort(&lights);
             let first = cube.sweep_vpls(&grid);
-            let too_many = settings.levels.is_none() && first.len() >= limit.max(8);
-            if too_many && cube.level_count > 2 {
+            // The estimate of vertices per cell may have been too low.
+            let too_many = settings.levels.is_none() && first.len() > MOST_PER_VPL * lights.len();
+            if too_many && cube.level_count > MIN_LEVELS {
                 cube.level_count -= 1;
                 continue;
             }
@@ -54,6 +58,11 @@ impl LightingGrid {
     }
 }
 
+/// Fewest levels: one cell of level 1 in eight.
+const MIN_LEVELS: u32 = 2;
+/// Most lights of level 1 per virtual light.
+const MOST_PER_VPL: usize = 4;
+
 /// The lattice of the level at hand.
 struct Cube {
     origin: Vec3,
@@ -64,7 +73,10 @@ struct Cube {
 
 /// Sort key: lobe above the interleaved bits of the level-1 cell.
 pub(super) fn sort_key(lobe: u32, cell: [u32; 3]) -> u64 {
-    u64::from(lobe) << (3 * MAX_LEVELS) | spread(cell[0]) | spread(cell[1]) << 1 | spread(cell[2]) << 2
+    u64::from(lobe) << (3 * MAX_LEVELS)
+        | spread(cell[0])
+        | spread(cell[1]) << 1
+        | spread(cell[2]) << 2
 }
 
 /// Puts two zero bits between the bits of a number below 2^21.
@@ -80,7 +92,13 @@ fn spread(x: u32) -> u64 {
 /// 0…5 for +x −x +y −y +z −z.
 fn dominant_axis(normal: Vec3) -> u32 {
     let a = normal.abs();
-    let axis = if a.x >= a.y && a.x >= a.z { 0 } else if a.y >= a.z { 1 } else { 2 };
+    let axis = if a.x >= a.y && a.x >= a.z {
+        0
+    } else if a.y >= a.z {
+        1
+    } else {
+        2
+    };
     2 * axis as u32 + u32::from(normal[axis] < 0.0)
 }
 
@@ -107,8 +125,16 @@ impl Cube {
         if self.lobes == 1 { 0 } else { dominant_axis(normal) }
     }
 
-    /// The most levels whose occupied cells, about two vertices each, stay below the limit.
-    fn guess_level_count(&self, lights: &[Vpl], limit: usize) -> u32 {
+    /// The paper's number of levels, or more until cells resolve `detail`.
+    fn choose_level_count(&self, lights: &[Vpl], detail: f32) -> u32 {
+        let by_count = self.levels_below(lights, lights.len() / 2);
+        let resolves = |l: &u32| Cube { level_count: *l, ..*self }.cell_size() <= detail;
+        let by_detail = (by_count..=MAX_LEVELS).find(resolves).unwrap_or(MAX_LEVELS);
+        by_count.max(by_detail.min(self.levels_below(lights, MOST_PER_VPL * lights.len())))
+    }
+
+    /// The most levels for which level 1 has fewer lights than the limit, by an estimate.
+    fn levels_below(&self, lights: &[Vpl], limit: usize) -> u32 {
         let finest = Cube { level_count: MAX_LEVELS, ..*self };
         let mut keys: Vec<u64> = lights
             .par_iter()
@@ -125,7 +151,9 @@ impl Cube {
                 *count += usize::from(!same && bit >= shift);
             }
         }
-        (2..=MAX_LEVELS).rev().find(|&l| 3 * cells[l as usize] / 2 < limit).unwrap_or(2)
+        // Every cell has eight vertices, shared by two to four neighbors on a surface.
+        let fits = |l: &u32| 2 * cells[*l as usize] < limit;
+        (MIN_LEVELS..=MAX_LEVELS).rev().find(fits).unwrap_or(MIN_LEVELS)
     }
 
     /// Sorts the lights by (lobe, Morton code) and sums up their blocks.
@@ -177,9 +205,9 @@ impl Cube {
             let cell = self.cell_of(l.position);
             (l, lattice, cell, self.lobe_of(l.normal))
         };
-        let occupied = vertex_rows(order.iter().map(|o| {
-            [(o.0 as usize / cells) as i32, (o.0 as usize % cells) as i32]
-        }));
+        let occupied = vertex_rows(
+            order.iter().map(|o| [(o.0 as usize / cells) as i32, (o.0 as usize % cells) as i32]),
+        );
         let sweep = |&[vz, vy]: &[i32; 2]| {
             let mut row = RowSum::new(cells + 1, self.lobes);
             for (cz, cy) in [(vz - 1, vy - 1), (vz - 1, vy), (vz, vy - 1), (vz, vy)] {
@@ -195,9 +223,8 @@ impl Cube {
                     for vx in [cell[0] as i32, cell[0] as i32 + 1] {
                         let share = hat_zy * hat(vx, lattice.x);
                         let above = |c: i32, v: i32| usize::from(c >= v);
-                        let octant = above(cell[0] as i32, vx)
-                            | above(cy, vy) << 1
-                            | above(cz, vz) << 2;
+                        let octant =
+                            above(cell[0] as i32, vx) | above(cy, vy) << 1 | above(cz, vz) << 2;
                         let vertex = IVec3::new(vx, vy, vz).as_vec3();
                         let p_vertex = self.origin + vertex * self.cell_size();
                         row.at(vx, lobe).add_vpl(light, share, light.position - p_vertex, octant);

@@ -54,8 +54,7 @@ impl LightingGrid {
         for light in lights {
             // In level-1 cells here; `scale_monomials` turns them into units of the cube.
             let p = (light.position - self.origin).as_dvec3() / edge;
-            let terms =
-                [1.0, p.x, p.y, p.z, p.x * p.y, p.y * p.z, p.z * p.x, p.x * p.y * p.z];
+            let terms = [1.0, p.x, p.y, p.z, p.x * p.y, p.y * p.z, p.z * p.x, p.x * p.y * p.z];
             let mass = f64::from(luminance(light.intensity));
             (0..8).for_each(|i| sums[i] += mass * terms[i]);
         }
@@ -92,7 +91,8 @@ impl LightingGrid {
 
         // The light inside it, by exact weights.
         let cells = f64::from(1u32 << (self.levels.len() as u32 - level as u32));
-        let sign = DVec3::from_array(std::array::from_fn(|a| if above(a) == 1 { -1.0 } else { 1.0 }));
+        let sign =
+            DVec3::from_array(std::array::from_fn(|a| if above(a) == 1 { -1.0 } else { 1.0 }));
         let vertex = DVec3::from_array(light.vertex.map(f64::from));
         let weight = CellWeight { constant: 1.0 - sign * vertex, slope: sign * cells };
         self.draw_in(start..end, &weight, left)
@@ -108,11 +108,14 @@ impl LightingGrid {
         let coefficients = weight.coefficients();
         let before = |block: usize| -> f64 {
             (0..8)
-                .map(|i| coefficients[i] / scales[i] * (self.blocks[block][i] - self.blocks[first][i]))
+                .map(|i| {
+                    coefficients[i] / scales[i] * (self.blocks[block][i] - self.blocks[first][i])
+                })
                 .sum()
         };
         let (head, tail) = (range.start..first * BLOCK, last * BLOCK..range.end);
-        let (head_mass, tail_mass) = (self.mass(head.clone(), weight), self.mass(tail.clone(), weight));
+        let (head_mass, tail_mass) =
+            (self.mass(head.clone(), weight), self.mass(tail.clone(), weight));
         let blocks_mass = before(last);
         let target = u * (head_mass + blocks_mass + tail_mass);
         if target < head_mass {

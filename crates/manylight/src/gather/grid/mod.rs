@@ -14,5 +14,8 @@ mod tiles;
 pub use record::{GridLight, Level, LightingGrid};
 pub use sample::{TILE, gather};
 
+/// Cell size worth resolving, as a multiple of the distance clamp.
+pub const DETAIL: f32 = 3.0;
+
 #[cfg(test)]
 mod tests;

@@ -1,0 +1,166 @@
+use super::*;
+use crate::math::{Sequence, luminance, uniform_sphere};
+use crate::settings::GridSettings;
+use crate::vlight::Vpl;
+use glam::{DVec3, Vec3};
+
+/// Lights on a bumpy sphere, with a dense patch and very different intensities.
+fn lights(count: u32) -> Vec<Vpl> {
+    (0..count)
+        .map(|i| {
+            let mut s = Sequence::new(17, i);
+            let normal = uniform_sphere(s.next_2d());
+            let spread = if i % 3 == 0 { 0.05 } else { 1.0 };
+            let intensity = Vec3::new(0.2, 1.0, 0.5) * (0.01 + s.next_1d().powi(4) * 10.0);
+            let position = Vec3::new(3.0, -2.0, 8.0) + normal * (4.0 * spread + s.next_1d() * 0.2);
+            Vpl { position, normal: -normal, intensity }
+        })
+        .collect()
+}
+
+fn grid_of(count: u32, lobes: u32) -> LightingGrid {
+    LightingGrid::build(&lights(count), &GridSettings { lobes, ..Default::default() }, 0.1)
+}
+
+#[test]
+fn intensity_is_conserved_by_every_level() {
+    for lobes in [1, 6] {
+        let grid = grid_of(20_000, lobes);
+        let expected: DVec3 = lights(20_000).iter().map(|l| l.intensity.as_dvec3()).sum();
+        assert!(grid.levels.len() > 4);
+        for (i, level) in grid.levels.iter().enumerate() {
+            let sum: DVec3 = level.lights.iter().map(|l| l.intensity.as_dvec3()).sum();
+            let error = ((sum - expected) / expected).abs().max_element();
+            assert!(error < 1e-5, "level {} of {lobes} lobes: {error}", i + 1);
+        }
+        let top = grid.levels.last().expect("levels");
+        assert!(top.lights.len() <= 8 * lobes as usize);
+    }
+}
+
+#[test]
+fn moments_of_every_level_are_those_of_the_lights() {
+    let lights = lights(5000);
+    let grid = LightingGrid::build(&lights, &GridSettings::default(), 0.1);
+    let mass: f64 = lights.iter().map(|l| f64::from(luminance(l.intensity))).sum();
+    let weighted = |f: &dyn Fn(&Vpl) -> Vec3| -> DVec3 {
+        let each = |l: &Vpl| f(l).as_dvec3() * f64::from(luminance(l.intensity)) / mass;
+        lights.iter().map(each).sum()
+    };
+    let (mean, normal) = (weighted(&|l| l.position), weighted(&|l| l.normal));
+    let second = weighted(&|l| l.position * l.position);
+    for level in &grid.levels {
+        let sum = |f: &dyn Fn(&GridLight) -> Vec3| -> DVec3 {
+            let each = |l: &GridLight| f(l).as_dvec3() * f64::from(l.luminance) / mass;
+            level.lights.iter().map(each).sum()
+        };
+        assert!((sum(&|l| l.position) - mean).length() < 1e-4);
+        assert!((sum(&|l| l.normal) - normal).length() < 1e-4);
+        // Variance within plus spread of the means is the whole second moment.
+        assert!((sum(&|l| l.variance + l.position * l.position) - second).length() < 1e-2);
+    }
+}
+
+#[test]
+fn octants_add_up_to_the_light() {
+    let grid = grid_of(8000, 6);
+    for light in grid.levels.iter().flat_map(|l| &l.lights) {
+        let sum: f32 = light.octants.iter().sum();
+        assert!((sum / light.luminance - 1.0).abs() < 1e-4);
+    }
+}
+
+/// Share of a virtual light at a vertex, from the definition.
+fn share(grid: &LightingGrid, level: usize, light: &GridLight, vpl: &Vpl) -> f64 {
+    let cell = grid.levels[level - 1].cell_size;
+    let axis = vpl.normal.abs().max_position();
+    let lobe = 2 * axis as u8 + u8::from(vpl.normal[axis] < 0.0);
+    if lobe != light.lobe {
+        return 0.0;
+    }
+    let vertex = Vec3::from(light.vertex.map(f32::from));
+    let hat = (1.0 - ((vpl.position - grid.origin) / cell - vertex).abs()).max(Vec3::ZERO);
+    f64::from(luminance(vpl.intensity) * hat.element_product())
+}
+
+#[test]
+fn draws_follow_the_shares_exactly() {
+    const DRAWS: u32 = 40_000;
+    let grid = grid_of(6000, 6);
+    for level in [1, 3, grid.levels.len()] {
+        let brightest = grid.levels[level - 1]
+            .lights
+            .iter()
+            .max_by(|a, b| a.luminance.total_cmp(&b.luminance))
+            .expect("lights");
+        let shares: Vec<f64> =
+            grid.lights.iter().map(|v| share(&grid, level, brightest, v)).collect();
+        let total: f64 = shares.iter().sum();
+        assert!((total / f64::from(brightest.luminance) - 1.0).abs() < 1e-3, "level {level}");
+        let mut counts = vec![0u32; shares.len()];
+        for i in 0..DRAWS {
+            // Stratified: every light's count is within a few of its expectation.
+            counts[grid.draw(level, brightest, (i as f32 + 0.5) / DRAWS as f32)] += 1;
+        }
+        for (count, share) in counts.iter().zip(&shares) {
+            let expected = share / total * f64::from(DRAWS);
+            assert!((f64::from(*count) - expected).abs() < 12.0, "{count} for {expected}");
+        }
+        let (mut chi_sq, mut bins) = (0.0, 0);
+        for (count, share) in counts.iter().zip(&shares) {
+            let expected = share / total * f64::from(DRAWS);
+            if expected >= 5.0 {
+                chi_sq += (f64::from(*count) - expected).powi(2) / expected;
+                bins += 1;
+            }
+        }
+        assert!(bins > 3 && chi_sq < f64::from(bins), "level {level}: χ² {chi_sq} of {bins}");
+    }
+}
+
+#[test]
+fn blending_is_a_partition_of_unity_with_the_stated_shells() {
+    let grid = grid_of(4000, 6);
+    for start_level in [0, 1] {
+        let settings = GridSettings { start_level, alpha: 1.25, ..Default::default() };
+        let grid = LightingGrid::build(&lights(4000), &settings, 0.1);
+        let shells = tiles::shells(&grid, &settings);
+        assert_eq!(shells.len(), grid.levels.len() + usize::from(start_level == 0));
+        for i in 0..4000 {
+            let d = i as f32 * 0.01;
+            let sum: f32 = shells.iter().map(|s| s.blend(d)).sum();
+            assert!((sum - 1.0).abs() < 1e-5, "{sum} at {d}");
+        }
+    }
+    // Level 2 rises from r/2 to r and falls to zero at 2r.
+    let settings = GridSettings { alpha: 2.0, ..Default::default() };
+    let shells = tiles::shells(&grid, &settings);
+    let r = 2.0 * grid.levels[1].cell_size;
+    let expected = [(0.5, 0.0), (0.75, 0.5), (1.0, 1.0), (1.5, 0.5), (2.0, 0.0), (3.0, 0.0)];
+    for (x, y) in expected {
+        assert!((shells[1].blend(x * r) - y).abs() < 1e-5, "{x}");
+    }
+}
+
+#[test]
+fn degenerate_sets_build() {
+    let settings = GridSettings::default();
+    assert!(LightingGrid::build(&[], &settings, 0.1).levels.is_empty());
+    let one = lights(1);
+    let grid = LightingGrid::build(&one, &settings, 0.1);
+    assert!(
+        (grid.levels[0].lights.iter().map(|l| l.luminance).sum::<f32>()
+            - luminance(one[0].intensity))
+        .abs()
+            < 1e-6
+    );
+    let same = vec![one[0]; 5000];
+    assert!(LightingGrid::build(&same, &settings, 0.1).light_count() > 0);
+    let bad = Vpl { position: Vec3::NAN, ..one[0] };
+    let dark = Vpl { intensity: Vec3::ZERO, ..one[0] };
+    assert_eq!(LightingGrid::build(&[bad, dark, one[0]], &settings, 0.1).lights.len(), 1);
+    for levels in [2, 14] {
+        let settings = GridSettings { levels: Some(levels), ..Default::default() };
+        assert_eq!(LightingGrid::build(&lights(50), &settings, 0.1).levels.len(), levels as usize);
+    }
+}

@@ -30,6 +30,15 @@ pub(super) struct Shell {
     fall: [f32; 2],
 }
 
+#[cfg(test)]
+impl Shell {
+    /// Blending at a distance, as the inner loop computes it.
+    pub(super) fn blend(&self, d: f32) -> f32 {
+        let line = |[a, b]: [f32; 2]| (d * a + b).clamp(0.0, 1.0);
+        line(self.rise).min(line(self.fall))
+    }
+}
+
 /// Blending of all levels: rises r/2 … r above the start level, falls r … 2r below the top.
 ///
 /// Source: [LinYuksel19, Fig. 2]; level 0 takes r_0 = r_1/2.
@@ -82,9 +91,13 @@ pub(super) fn collect(
             if is_in_reach(light, shell, bounds) {
                 list.push(TileLight {
                     position: light.position.to_array(),
-                    normal: light.normal.to_array(),
+                    normal: light.normal.normalize_or_zero().to_array(),
                     intensity: light.intensity.to_array(),
-                    shadow_weight: if shell.level >= shadow.start_level { light.luminance } else { 0.0 },
+                    shadow_weight: if shell.level >= shadow.start_level {
+                        light.luminance
+                    } else {
+                        0.0
+                    },
                     rise: shell.rise,
                     fall: shell.fall,
                     level: shell.level,

@@ -71,17 +71,13 @@ fn trace_path(
         let Some(hit) = world.closest(&ray) else { break };
         let surface = world.surface(&hit, ray.direction, normal_maps);
         // Flux arrives by the geometric cosine, reflection asks for the shading one.
-        let correction = surface.ns.dot(ray.direction).min(0.0)
-            / surface.ng.dot(ray.direction).min(-1e-6);
+        let correction =
+            surface.ns.dot(ray.direction).min(0.0) / surface.ng.dot(ray.direction).min(-1e-6);
         flux *= surface.albedo * correction.min(MAX_NORMAL_CORRECTION);
         if flux.max_element() <= 0.0 || !flux.is_finite() {
             break;
         }
-        lights.push(Vpl {
-            position: surface.position,
-            normal: surface.ng,
-            intensity: flux / PI,
-        });
+        lights.push(Vpl { position: surface.position, normal: surface.ng, intensity: flux / PI });
 
         // Russian roulette on the albedo.
         let survival = surface.albedo.max_element().min(1.0);
