@@ -73,9 +73,9 @@ fn no_ray_slips_through_a_closed_mesh() {
     let bvh = Bvh::build(&triangles);
     for i in 0..20_000 {
         let u = Sequence::new(2, i).next_2d();
-        let to = Vec3::new(u[0] * 3.0 - 1.5, 0.0, u[1] * 3.0 - 1.5);
-        let ray = Ray { origin: Vec3::new(0.1, 2.0, 0.2), direction: to * 2.0, t_max: 1.0 };
-        let ray = Ray { direction: (ray.direction - ray.origin) * 1.5, ..ray };
+        let to = Vec3::new(u[0] * 4.0 - 2.0, 0.0, u[1] * 4.0 - 2.0);
+        let origin = Vec3::new(0.1, 2.0, 0.2);
+        let ray = Ray { origin, direction: (to - origin) * 1.5, t_max: 1.0 };
         assert!(bvh.occluded(&ray, |_| true), "{to}");
     }
 }

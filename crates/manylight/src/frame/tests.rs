@@ -53,7 +53,9 @@ fn brute_force_agrees_with_the_path_tracer() {
     path.path.spp = 256;
     let mut brute = settings(Method::Brute);
     brute.vpls.d_min = Some(0.005);
-    (brute.vpls.count, brute.vpls.emitter_count) = (20_000, 3000);
+    // Samples over the pixel, as the path tracer takes them.
+    brute.film.samples = 16;
+    (brute.vpls.count, brute.vpls.emitter_count) = (2000, 500);
     let path = render(&renderer, &camera, [24, 24], &path);
     let brute = render(&renderer, &camera, [24, 24], &brute);
     for (name, a, b) in

@@ -1,0 +1,173 @@
+//! The program as a user meets it: exit codes, one-sentence errors, files.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+/// A folder of its own for one test, removed at the end.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new(name: &str) -> Self {
+        let path =
+            std::env::temp_dir().join(format!("manylight-cli-{}-{name}", std::process::id()));
+        std::fs::create_dir_all(&path).expect("temporary folder");
+        Self(path)
+    }
+
+    fn file(&self, name: &str) -> String {
+        self.0.join(name).display().to_string()
+    }
+
+    fn write(&self, name: &str, text: &str) -> String {
+        std::fs::write(self.0.join(name), text).expect("temporary file");
+        self.file(name)
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+fn manylight(args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_manylight")).args(args).output().expect("the program runs")
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// Quick settings for pictures nobody looks at.
+const QUICK: [&str; 6] = ["--size", "48x32", "--set", "vpls.count=500", "--set", "shadow.rays=1"];
+
+#[test]
+fn render_and_compare_go_together() {
+    let folder = Folder::new("render");
+    let (exr, png, heat) = (folder.file("a.exr"), folder.file("a.png"), folder.file("h.png"));
+    let args = ["render", "builtin:cornell", "-o", &exr, "-o", &png, "--heatmap", &heat, "--json"];
+    let output = manylight(&[&args[..], &QUICK].concat());
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON alone");
+    assert_eq!(report["size"], serde_json::json!([48, 32]));
+    assert!(report["stages"].as_array().is_some_and(|s| s.len() >= 5));
+    for path in [&exr, &png, &heat] {
+        assert!(Path::new(path).metadata().is_ok_and(|m| m.len() > 500), "{path}");
+    }
+
+    let picture = manylight_image::read_exr(Path::new(&exr)).expect("our own file");
+    let layers = "Albedo N P depth direct emission evals indirect indirect_unshadowed shadow_ratio";
+    for layer in layers.split(' ') {
+        assert!(picture.layers.iter().any(|l| l.0 == layer), "{layer} is missing");
+    }
+    for key in ["settings", "seed", "sceneHash", "backend", "device", "version", "worldFromCamera"]
+    {
+        let key = format!("manylight.{key}");
+        assert!(picture.metadata.iter().any(|m| m.0 == key), "{key} is missing");
+    }
+
+    let same = manylight(&["compare", &exr, &exr, "--max-flip", "0", "--max-bias", "0"]);
+    assert_eq!(same.status.code(), Some(0), "{}", text(&same.stderr));
+    let other = folder.file("b.exr");
+    let args = ["render", "builtin:cornell", "-q", "-o", &other, "--method", "direct"];
+    assert!(manylight(&[&args[..], &QUICK].concat()).status.success());
+    let worse = manylight(&["compare", &other, &exr, "--max-bias", "0.01"]);
+    assert_eq!(worse.status.code(), Some(1), "{}", text(&worse.stdout));
+    let layer = manylight(&["compare", &exr, &exr, "--layer", "glory"]);
+    assert_eq!(layer.status.code(), Some(2));
+    assert!(text(&layer.stderr).contains("shadow_ratio"), "{}", text(&layer.stderr));
+}
+
+#[test]
+fn the_same_seed_writes_the_same_picture_at_any_thread_count() {
+    let folder = Folder::new("seed");
+    let beauty = |threads: &str| {
+        let path = folder.file(&format!("{threads}.pfm"));
+        let args = ["render", "builtin:cornell", "-q", "-o", &path, "--threads", threads];
+        assert!(manylight(&[&args[..], &QUICK].concat()).status.success());
+        std::fs::read(path).expect("picture")
+    };
+    let one = beauty("1");
+    assert!(one == beauty("2") && one == beauty("7"));
+}
+
+#[test]
+fn bad_input_is_one_sentence_and_exit_code_2() {
+    let folder = Folder::new("bad");
+    let out = folder.file("out.png");
+    let unknown_key = folder.write("key.json", r#"{"scene":"builtin:cornell","camra":{}}"#);
+    let unknown_setting =
+        folder.write("set.json", r#"{"scene":"builtin:cornell","settings":{"grid":{"alfa":1}}}"#);
+    let empty = folder.write("empty.glb", "");
+    let noise = folder.write("noise.gltf", "\u{1}\u{2}{{{");
+    let missing_folder = folder.file("no/such/folder/a.png");
+    let cornell = "builtin:cornell";
+    let cases: Vec<(Vec<&str>, &str)> = vec![
+        (vec!["render", "no-such.glb", "-o", &out], "no-such.glb"),
+        (vec!["render", "builtin:nothing", "-o", &out], "atrium"),
+        (vec!["render", &unknown_key, "-o", &out], "camra"),
+        (vec!["render", &unknown_setting, "-o", &out], "grid.alfa"),
+        (vec!["render", &empty, "-o", &out], "empty.glb"),
+        (vec!["render", &noise, "-o", &out], "noise.gltf"),
+        (vec!["render", cornell, "-o", &missing_folder], "folder"),
+        (vec!["render", cornell, "-o", "/proc/a.png"], "/proc/a.png"),
+        (vec!["render", cornell, "-o", "a.bmp"], ".exr or .png"),
+        (vec!["render", cornell, "-o", &out, "--size", "0x4"], "--size 0x4"),
+        (vec!["render", cornell, "-o", &out, "--size", "999999x999999"], "pixels"),
+        (vec!["render", cornell, "-o", &out, "--size", "big"], "WIDTHxHEIGHT"),
+        (vec!["render", cornell, "-o", &out, "--threads", "0"], "--threads 0"),
+        (vec!["render", cornell, "-o", &out, "--method", "magic"], "magic"),
+        (vec!["render", cornell, "-o", &out, "--preset", "best"], "balanced"),
+        (vec!["render", cornell, "-o", &out, "--set", "grid.alpha"], "PATH=VALUE"),
+        (vec!["render", cornell, "-o", &out, "--set", "grid.alpha=0"], "grid.alpha"),
+        (vec!["render", cornell, "-o", &out, "--set", "grid.alpha=-1"], "grid.alpha"),
+        (vec!["render", cornell, "-o", &out, "--set", "grid.alpha=NaN"], "grid.alpha"),
+        (vec!["render", cornell, "-o", &out, "--set", "vpls.count=0"], "vpls.count"),
+        (vec!["render", cornell, "-o", &out, "--set", "vpls.count=1e12"], "vpls.count"),
+        (vec!["render", cornell, "-o", &out, "--set", "no.such=1"], "no"),
+        (vec!["render", cornell, "-o", &out, "--backend", "gpu"], "--backend cpu"),
+        (vec!["compare", "no-a.exr", "no-b.exr"], "no-a.exr"),
+        (vec!["info", &empty], "empty.glb"),
+        (vec!["bench", cornell, "--set", "vpls.bounces=0"], "vpls.bounces"),
+    ];
+    for (args, expected) in cases {
+        let output = manylight(&args);
+        let message = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{args:?}: {message}");
+        assert!(message.contains(expected), "{args:?}: {message}");
+        assert_eq!(message.trim_end().lines().count(), 1, "{args:?}: {message}");
+        assert!(!message.contains("panicked"), "{args:?}: {message}");
+        assert!(!Path::new(&out).exists(), "{args:?} left a picture");
+    }
+    let left: Vec<_> = std::fs::read_dir(&folder.0).expect("folder").flatten().collect();
+    assert_eq!(left.len(), 4, "only the inputs remain: {left:?}");
+}
+
+#[test]
+fn lists_print_text_and_json() {
+    for command in [vec!["methods"], vec!["devices"], vec!["info", "builtin:many_lamps"]] {
+        let plain = manylight(&command);
+        assert!(plain.status.success() && !plain.stdout.is_empty());
+        let json = manylight(&[&command[..], &["--json"]].concat());
+        let value: serde_json::Value = serde_json::from_slice(&json.stdout).expect("JSON alone");
+        assert!(value.as_object().is_some_and(|m| !m.is_empty()));
+    }
+    assert!(text(&manylight(&["methods"]).stdout).contains("brute"));
+    assert!(manylight(&["--help"]).status.success());
+    assert!(manylight(&["render", "--help"]).status.success());
+    assert_eq!(manylight(&["frobnicate"]).status.code(), Some(2));
+}
+
+#[test]
+fn bench_measures_time_and_quality() {
+    let quick =
+        ["--set", "vpls.count=2000", "--set", "shadow.rays=48", "--size", "64x48", "--json"];
+    let output =
+        manylight(&[&["bench", "builtin:cornell", "--quality", "20"], &quick[..]].concat());
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    let rmse = report[0]["report"]["shadowed_rmse"].as_f64().expect("number");
+    assert!(rmse > 0.0 && rmse < 0.5, "{rmse}");
+    let output = manylight(&[&["bench", "builtin:cornell", "--frames", "1"], &quick[..]].concat());
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert!(report[0]["report"]["frame"]["median_ms"].as_f64().is_some_and(|ms| ms > 0.0));
+}
