@@ -28,7 +28,8 @@ pub enum Error {
         source: std::io::Error,
     },
     /// The bytes of a file are not the picture they claim to be.
-    #[error("`{}` is not a readable {format} picture: {reason}; make the file again or choose another", path.display())]
+    #[error("`{}` is not a readable {format} picture: {reason}; make the file again or choose \
+     another", path.display())]
     Decode {
         /// The file.
         path: PathBuf,
@@ -49,7 +50,8 @@ pub enum Error {
     },
     /// A file claims more pixels or values than this crate reads.
     #[error(
-        "`{}` claims {width} × {height} pixels with {channels} channels, more than the limit of 2^28 pixels and 2^30 values; make it smaller",
+        "`{}` claims {width} × {height} pixels with {channels} channels, more than the limit \
+         of 2^28 pixels and 2^30 values; make it smaller",
         path.display()
     )]
     TooLarge {
@@ -64,7 +66,8 @@ pub enum Error {
     },
     /// The content of a file is none of the formats that are read.
     #[error(
-        "`{}` is not a picture that can be read; allowed are OpenEXR (.exr), PFM (.pfm), Radiance (.hdr) and PNG (.png)",
+        "`{}` is not a picture that can be read; allowed are OpenEXR (.exr), PFM (.pfm), \
+         Radiance (.hdr) and PNG (.png)",
         path.display()
     )]
     UnknownFormat {
@@ -73,7 +76,8 @@ pub enum Error {
     },
     /// Two pictures cannot be compared because their shapes differ.
     #[error(
-        "cannot compare {}×{} pixels of {} channels with {}×{} pixels of {} channels; render both at one size and choose the same layer",
+        "cannot compare {}×{} pixels of {} channels with {}×{} pixels of {} channels; render \
+         both at one size and choose the same layer",
         a[0], a[1], a[2], b[0], b[1], b[2]
     )]
     Mismatch {
@@ -84,7 +88,8 @@ pub enum Error {
     },
     /// A picture in memory has a shape that the operation does not take.
     #[error(
-        "a picture of {width}×{height} pixels, {channels} channels and {len} values does not fit here; {allowed}"
+        "a picture of {width}×{height} pixels, {channels} channels and {len} values does not \
+         fit here; {allowed}"
     )]
     Shape {
         /// Pixels across.

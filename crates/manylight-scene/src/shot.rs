@@ -119,9 +119,13 @@ fn parse_camera(item: &Item<'_>) -> Result<Camera, Error> {
     if !(vfov_deg > 0.0 && vfov_deg < 180.0) {
         return Err(vfov_item.fail(format!("{vfov_deg} found; allowed: above 0 and below 180")));
     }
-    let mut camera = Camera::look_at(position, target, up, vfov_deg.to_radians()).ok_or_else(|| {
-        item.fail("position, target and up span no frame; move the target away from the position and up out of the line of sight")
-    })?;
+    let mut camera =
+        Camera::look_at(position, target, up, vfov_deg.to_radians()).ok_or_else(|| {
+            item.fail(
+                "position, target and up span no frame; move the target away from the \
+         position and up out of the line of sight",
+            )
+        })?;
     camera.size_px = parse_size(item)?;
     Ok(camera)
 }

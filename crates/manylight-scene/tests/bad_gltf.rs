@@ -112,7 +112,11 @@ fn wrong_fields_are_refused_with_their_place() {
         ),
         (
             "/accessors/0/sparse",
-            json!({"count": 2, "indices": {"bufferView": 0, "componentType": 5125}, "values": {"bufferView": 0}}),
+            json!({
+                "count": 2,
+                "indices": {"bufferView": 0, "componentType": 5125},
+                "values": {"bufferView": 0},
+            }),
             "ascend strictly",
         ),
         ("/accessors/1/componentType", json!(5126), "do not fit"),

@@ -49,7 +49,9 @@ pub enum ShadowTarget {
 }
 
 macro_rules! group {
-    ($(#[$meta:meta])* $name:ident { $($(#[$field_meta:meta])* $field:ident: $type:ty = $value:expr,)* }) => {
+    ($(#[$meta:meta])* $name:ident {
+        $($(#[$field_meta:meta])* $field:ident: $type:ty = $value:expr,)*
+    }) => {
         $(#[$meta])*
         #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
         #[serde(deny_unknown_fields, default)]
@@ -115,7 +117,8 @@ group! {
 group! {
     /// The lighting grid hierarchy [LinYuksel19].
     GridSettings {
-        /// r_l = alpha · h_l: how far a level reaches, 0.25 to 16. Cost grows about with its square.
+        /// r_l = alpha · h_l: how far a level reaches, 0.25 to 16. Cost grows about with its
+        /// square.
         alpha: f32 = 1.5,
         /// Number of levels, 2 to 14; null: chosen from the number and the spread of the lights.
         levels: Option<u32> = None,

@@ -2,8 +2,8 @@
 //!
 //! In: a [`LayeredImage`] or a file of any program. Out: the other of the two.
 //! Limits: writes one flat part of 32-bit floats, ZIP in blocks of 16 lines; reads every
-//! compression but B44 and every sample type of scan-line and tiled parts at their largest level, but no deep
-//! data and no subsampled channels.
+//! compression but B44 and every sample type of scan-line and tiled parts at their largest
+//! level, but no deep data and no subsampled channels.
 
 mod layers;
 
