@@ -4,7 +4,7 @@
 //! In: files (OpenEXR, PFM, Radiance HDR, PNG) or the renderer's pictures.
 //! Out: the same kinds of files (Radiance HDR excepted), tone-mapped and false-colour pictures,
 //! error numbers and maps.
-//! Papers: FLIP [Andersson20], HDR-FLIP [Andersson21]; tone curves cited in [`ToneCurve`].
+//! Papers: FLIP `[Andersson20]`, HDR-FLIP `[Andersson21]`; tone curves cited in [`ToneCurve`].
 //! Limits: pictures of at most 2²⁸ pixels; deep and B44-compressed EXR files are refused;
 //! subsampled EXR channels are skipped.
 //!

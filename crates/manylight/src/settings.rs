@@ -115,7 +115,7 @@ group! {
 }
 
 group! {
-    /// The lighting grid hierarchy [LinYuksel19].
+    /// The lighting grid hierarchy `[LinYuksel19]`.
     GridSettings {
         /// r_l = alpha · h_l: how far a level reaches, 0.25 to 16. Cost grows about with its
         /// square.
@@ -144,7 +144,7 @@ group! {
 }
 
 group! {
-    /// Edge-avoiding à-trous filter of the shadow ratio [Dammertz10].
+    /// Edge-avoiding à-trous filter of the shadow ratio `[Dammertz10]`.
     FilterSettings {
         /// On or off.
         enabled: bool = true,

@@ -1,7 +1,7 @@
 //! The colour spaces of FLIP, and the tone curve of HDR-FLIP.
 //!
 //! In: linear Rec.709. Out: YCxCz, CIELAB after Hunt.
-//! Papers: [Andersson20, Sec. 4.1], [Andersson21].
+//! Papers: [Andersson20, Sec. 4.1], `[Andersson21]`.
 //! Limits: reference white is that of Rec.709.
 
 /// Three channels of one pixel.
@@ -49,7 +49,7 @@ pub(super) fn hyab(a: Rgb, b: Rgb) -> f32 {
 }
 
 /// Narkowicz's ACES fit with the 0.6 exposure folded in: numerator, then denominator, from
-/// the square down [Andersson21].
+/// the square down `[Andersson21]`.
 const ACES: [f64; 6] = [0.36 * 2.51, 0.6 * 0.03, 0.0, 0.36 * 2.43, 0.6 * 0.59, 0.14];
 
 /// The tone curve of HDR-FLIP, in 0..1.

@@ -1,7 +1,7 @@
 //! FLIP: the difference a viewer sees when flipping between two pictures.
 //!
 //! In: linear Rec.709 pictures of one shape. Out: error maps in 0..1.
-//! Papers: [Andersson20] for low, [Andersson21] for high dynamic range.
+//! Papers: `[Andersson20]` for low, `[Andersson21]` for high dynamic range.
 //! Limits: always [`PIXELS_PER_DEGREE`]; the filters end at the border by repeating its pixels.
 
 use rayon::prelude::*;
@@ -37,7 +37,7 @@ const MAX_EXPOSURES: usize = 48;
 ///
 /// Shapes:  a, b [h·w·1|3]; out [h·w·1], 0 (same) to 1
 /// Errors:  Mismatch, Shape
-/// Source:  [Andersson20]
+/// Source:  `[Andersson20]`
 pub fn flip_ldr(a: &Raster, b: &Raster) -> Result<Raster, Error> {
     check_pair(a, b)?;
     let filters = Filters::new();
@@ -54,7 +54,7 @@ pub fn flip_ldr(a: &Raster, b: &Raster) -> Result<Raster, Error> {
 /// Shapes:  a, b [h·w·1|3]; out [h·w·1], 0 (same) to 1
 /// Errors:  Mismatch, Shape
 /// Cost:    one LDR-FLIP per stop between the reference's median and maximum, at least two
-/// Source:  [Andersson21]; differs: at most 48 exposures
+/// Source:  `[Andersson21]`; differs: at most 48 exposures
 pub fn flip_hdr(a: &Raster, b: &Raster) -> Result<Raster, Error> {
     check_pair(a, b)?;
     let (light_a, light_b) = gather_finite_pairs(a, b);

@@ -1,7 +1,7 @@
 //! How far two pictures are apart.
 //!
 //! In: a picture `a` and the reference `b` of the same shape. Out: numbers or error maps.
-//! Papers: [Andersson20] for FLIP, [Andersson21] for HDR-FLIP.
+//! Papers: `[Andersson20]` for FLIP, `[Andersson21]` for HDR-FLIP.
 //! Limits: pixels with NaN or ±∞ in either picture are counted and left out of the sums;
 //! for FLIP they count as black in both.
 

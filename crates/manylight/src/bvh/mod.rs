@@ -1,7 +1,7 @@
 //! Rays against triangles: an eight-wide bounding volume hierarchy.
 //!
 //! In: triangles with an opacity flag · Out: [`Bvh`], closest hit and any hit
-//! Paper: [Wald14] for wide nodes and triangle packs; the binary tree is built by obvhs (PLOC).
+//! Paper: `[Wald14]` for wide nodes and triangle packs; the binary tree is built by obvhs (PLOC).
 //! Limits: at most 2^27 packs; bounds are not refitted.
 
 mod build;

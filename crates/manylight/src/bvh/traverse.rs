@@ -230,7 +230,7 @@ fn intersect_node(node: &Node, ray: &Prepared, t_max: f32) -> (u32, Lanes) {
 
 /// Which triangles the ray meets in 0 < t < `t_max`, with distances and barycentrics.
 ///
-/// Source: [MoellerTrumbore97], edges stored.
+/// Source: `[MoellerTrumbore97]`, edges stored.
 #[inline(always)]
 fn intersect_pack(pack: &Pack, ray: &Prepared, t_max: f32) -> (u32, Lanes, Lanes, Lanes) {
     let [ox, oy, oz] = ray.origin;

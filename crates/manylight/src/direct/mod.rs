@@ -4,7 +4,7 @@
 //! Sun, point and spot lights are exact, one shadow ray each (a few drawn by weight when there
 //! are many); the sky is lights at infinity; emissive surfaces go through a gather.
 
-use crate::emitter::{DirectSample, Emitters};
+use crate::emitter::{DirectSample, Emitters, SkyEmitter};
 use crate::math::{Sequence, cosine_hemisphere, luminance};
 use crate::shadow;
 use crate::surface::SurfacePoint;
@@ -55,42 +55,40 @@ pub fn from_lights(
     (0..EXACT_LIGHTS).map(|_| draw(sequence.next_1d())).sum()
 }
 
-/// Irradiance from the sky at one receiver by `rays` shadow rays, W·m⁻².
+/// Irradiance from the sky at one receiver without visibility, W·m⁻², and the share of it that
+/// arrives, by `rays` shadow rays.
 ///
 /// A constant sky draws directions by their cosine; a map draws them by its light and resamples
 /// by the cosine.
 pub fn from_sky(
     world: &World,
-    emitters: &Emitters,
+    sky: &SkyEmitter,
     surface: &SurfacePoint,
     rays: u32,
     sequence: &mut Sequence,
-    constant: bool,
-) -> Vec3 {
-    let Some(sky) = &emitters.sky else { return Vec3::ZERO };
-    let mut sum = Vec3::ZERO;
+    is_constant: bool,
+) -> (Vec3, f32) {
+    let (mut unshadowed, mut seen) = (Vec3::ZERO, Vec3::ZERO);
     for _ in 0..rays {
-        let (direction, irradiance) = if constant {
+        let (direction, irradiance) = if is_constant {
             let direction = cosine_hemisphere(surface.ns, sequence.next_2d());
             (direction, sky.radiance(direction) * PI)
         } else {
             resample_sky(sky, surface.ns, sequence)
         };
+        unshadowed += irradiance;
         if irradiance.max_element() > 0.0
             && shadow::is_open(world, surface, direction, f32::INFINITY)
         {
-            sum += irradiance;
+            seen += irradiance;
         }
     }
-    sum / rays.max(1) as f32
+    let ratio = luminance(seen) / luminance(unshadowed).max(f32::MIN_POSITIVE);
+    (unshadowed / rays.max(1) as f32, ratio)
 }
 
 /// One direction drawn in proportion to radiance · cosine, and its irradiance over its density.
-fn resample_sky(
-    sky: &crate::emitter::SkyEmitter,
-    ns: Vec3,
-    sequence: &mut Sequence,
-) -> (Vec3, Vec3) {
+fn resample_sky(sky: &SkyEmitter, ns: Vec3, sequence: &mut Sequence) -> (Vec3, Vec3) {
     let (mut total, mut held) = (0.0, (Vec3::Y, Vec3::ZERO, 1.0));
     for _ in 0..SKY_CANDIDATES {
         let (direction, radiance, pdf_sa) = sky.sample(sequence.next_2d());

@@ -1,7 +1,7 @@
 //! Repairing the noise of the shadow ratio.
 //!
 //! In: ratio, receivers · Out: filtered ratio
-//! Paper: [Dammertz10]; differs: no color guide on the signal itself, a plane distance instead of
+//! Paper: `[Dammertz10]`; differs: no color guide on the signal itself, a plane distance instead of
 //! a position distance. Known failure: shadows finer than the footprint of the first passes blur.
 
 use crate::settings::FilterSettings;

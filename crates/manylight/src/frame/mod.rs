@@ -9,7 +9,7 @@ pub use stage::{Progress, Stage};
 
 use crate::composite::Layers;
 use crate::direct;
-use crate::emitter::Emitters;
+use crate::emitter::{Emitters, SkyEmitter};
 use crate::error::Error;
 use crate::filter;
 use crate::gather::{Gathered, brute, grid};
@@ -129,10 +129,13 @@ impl Renderer {
         let mut layers = Layers::new(&receivers, |d| self.sky(d));
 
         let direct = clock.run("direct", || {
-            let direct = self.direct_irradiance(&receivers, settings, seed);
-            (direct, (emitters.lights.len()) as u64)
+            let direct = self.light_irradiance(&receivers, seed);
+            (direct, emitters.lights.len() as u64)
         });
         layers.set_direct(&direct);
+        if let Some(sky) = &emitters.sky {
+            layers.add_direct(&self.gather_sky(sky, &receivers, settings, seed ^ 5, clock));
+        }
 
         let on_emitters = clock.run("emitter vpls", || {
             let set = vpl::trace_emitters(world, emitters, settings.vpls.emitter_count, seed ^ 1);
@@ -183,12 +186,7 @@ impl Renderer {
             let evals = gathered.evals.iter().map(|&e| u64::from(e)).sum();
             (gathered, evals)
         });
-        if settings.filter.enabled && settings.shadow.rays > 0 {
-            gathered.shadow_ratio = clock.run("filter", || {
-                let ratio = filter::atrous(&gathered.shadow_ratio, receivers, &settings.filter);
-                (ratio, u64::from(settings.filter.passes))
-            });
-        }
+        self.filter_ratio(&mut gathered, receivers, settings, clock);
         gathered
     }
 
@@ -219,26 +217,68 @@ impl Renderer {
         })
     }
 
-    /// Irradiance from sun, point and spot lights and from the sky.
-    fn direct_irradiance(
+    /// Irradiance from sun, point and spot lights.
+    fn light_irradiance(&self, receivers: &Receivers, seed: u32) -> Vec<Vec3> {
+        let at = |i: usize| {
+            let Some(surface) = &receivers.samples[i].surface else { return Vec3::ZERO };
+            let mut sequence = Sequence::new(hash_u32(seed ^ hash_u32(i as u32)), 0);
+            direct::from_lights(&self.world, &self.emitters, surface, &mut sequence)
+        };
+        (0..receivers.samples.len()).into_par_iter().with_min_len(512).map(at).collect()
+    }
+
+    /// Irradiance from the sky, its ratio filtered where the method asks.
+    fn gather_sky(
         &self,
+        sky: &SkyEmitter,
         receivers: &Receivers,
         settings: &Settings,
         seed: u32,
-    ) -> Vec<Vec3> {
+        clock: &mut Clock<'_>,
+    ) -> Gathered {
         let rays = match settings.method {
             Method::Brute => BRUTE_SKY_RAYS,
             _ => settings.shadow.rays.max(MIN_SKY_RAYS),
         };
-        let constant = matches!(self.world.scene.sky, Some(Sky::Constant(_)));
-        let at = |i: usize| {
-            let Some(surface) = &receivers.samples[i].surface else { return Vec3::ZERO };
-            let mut sequence = Sequence::new(hash_u32(seed ^ hash_u32(i as u32)), 0);
-            let (world, emitters) = (&self.world, &self.emitters);
-            let lights = direct::from_lights(world, emitters, surface, &mut sequence);
-            lights + direct::from_sky(world, emitters, surface, rays, &mut sequence, constant)
-        };
-        (0..receivers.samples.len()).into_par_iter().with_min_len(512).map(at).collect()
+        let is_constant = matches!(self.world.scene.sky, Some(Sky::Constant(_)));
+        let count = receivers.samples.len();
+        let mut gathered = clock.run("sky", || {
+            let at = |i: usize| {
+                let surface = receivers.samples[i].surface.as_ref()?;
+                let mut sequence = Sequence::new(hash_u32(seed ^ hash_u32(i as u32)), 0);
+                let sequence = &mut sequence;
+                Some(direct::from_sky(&self.world, sky, surface, rays, sequence, is_constant))
+            };
+            let found: Vec<_> = (0..count).into_par_iter().with_min_len(512).map(at).collect();
+            let mut gathered = Gathered::dark(count);
+            for (i, (unshadowed, ratio)) in
+                found.into_iter().enumerate().filter_map(|(i, f)| Some((i, f?)))
+            {
+                (gathered.unshadowed[i], gathered.shadow_ratio[i]) = (unshadowed, ratio);
+            }
+            (gathered, u64::from(rays))
+        });
+        if settings.method != Method::Brute {
+            self.filter_ratio(&mut gathered, receivers, settings, clock);
+        }
+        gathered
+    }
+
+    /// Smooths a ratio that few rays made.
+    fn filter_ratio(
+        &self,
+        gathered: &mut Gathered,
+        receivers: &Receivers,
+        settings: &Settings,
+        clock: &mut Clock<'_>,
+    ) {
+        if !settings.filter.enabled || settings.shadow.rays == 0 {
+            return;
+        }
+        gathered.shadow_ratio = clock.run("filter", || {
+            let ratio = filter::atrous(&gathered.shadow_ratio, receivers, &settings.filter);
+            (ratio, u64::from(settings.filter.passes))
+        });
     }
 
     /// The reference: every pixel by paths.

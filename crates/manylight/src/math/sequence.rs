@@ -2,7 +2,7 @@
 //!
 //! Every stage draws its numbers here, so a path or a pixel gets the same ones whatever thread
 //! works on it, and a path keeps its numbers when the scene moves a little.
-//! Paper: [Burley20]
+//! Paper: `[Burley20]`
 
 /// Mixes a 32-bit word (lowbias32).
 #[inline]

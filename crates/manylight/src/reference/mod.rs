@@ -1,7 +1,7 @@
 //! The judge: an unbiased path tracer over the same scene, light by light.
 //!
 //! In: world, emitters, camera · Out: direct, indirect and emitted radiance per pixel
-//! Next-event estimation with multiple importance sampling (power heuristic, [VeachGuibas95]).
+//! Next-event estimation with multiple importance sampling (power heuristic, `[VeachGuibas95]`).
 //! A bounce limit of n covers the light paths that virtual lights of n bounces cover: at most
 //! n + 1 surfaces between light and eye.
 

@@ -1,6 +1,7 @@
 //! Virtual lights: small lights that stand for light already scattered, or for a large emitter.
 //!
-//! In: [`World`], [`Emitters`](crate::emitter::Emitters) · Out: [`Vpl`] · Paper: [Keller97]
+//! In: [`World`](crate::world::World), [`Emitters`](crate::emitter::Emitters)
+//! Out: [`Vpl`] · Paper: `[Keller97]`
 
 pub mod vpl;
 

@@ -1,8 +1,8 @@
 //! The lighting grid hierarchy: near lights in detail, far lights as ever coarser grid lights.
 //!
 //! In: virtual lights, receivers · Out: [`LightingGrid`], [`Gathered`](super::Gathered)
-//! Paper: [LinYuksel19], [YukselYuksel17]; differs: six lobes per vertex, levels from the moments
-//! of the level below, shadow rays to real virtual lights, gathering by tiles; see
+//! Paper: `[LinYuksel19]`, `[YukselYuksel17]`; differs: six lobes per vertex, levels from the
+//! moments of the level below, shadow rays to real virtual lights, gathering by tiles; see
 //! `docs/methods/grid.md`
 //! Limits: at most 14 levels.
 

@@ -3,7 +3,7 @@
 //! Reservoirs draw a light with probability proportional to its contribution in one pass, by
 //! jumping: after a light was taken at running weight W, the next one is taken where the running
 //! weight passes W/u for a uniform u, which is the law of weighted reservoir sampling
-//! ([LinYuksel19, App. A], [Chao82]) with a random number per replacement instead of per light.
+//! ([LinYuksel19, App. A], `[Chao82]`) with a random number per replacement instead of per light.
 
 use super::record::LightingGrid;
 use super::tiles::{Shell, TileBounds, TileLight, collect, level_of, shells};

@@ -1,6 +1,6 @@
 //! Virtual point lights: record, birth, and what one gives a receiver.
 //!
-//! In: world and emitters · Out: [`VplSet`] · Paper: [Keller97], [Dachsbacher14, Sec. 3]
+//! In: world and emitters · Out: [`VplSet`] · Paper: `[Keller97]`, [Dachsbacher14, Sec. 3]
 //! Limits: Lambertian; the distance clamp removes energy near corners.
 
 mod trace;
@@ -34,7 +34,7 @@ pub struct VplSet {
 
 /// Irradiance a light gives a receiver, without visibility, W·m⁻².
 ///
-/// Source: [Keller97]; differs: d is clamped below by d_min (`d_min_sq` = d_min²)
+/// Source: `[Keller97]`; differs: d is clamped below by d_min (`d_min_sq` = d_min²)
 #[inline(always)]
 pub fn irradiance(light: &Vpl, position: Vec3, normal: Vec3, d_min_sq: f32) -> Vec3 {
     light.intensity * geometry(light.position, light.normal, position, normal, d_min_sq)
