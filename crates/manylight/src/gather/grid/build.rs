@@ -12,7 +12,7 @@ use glam::{IVec3, Vec3};
 use rayon::prelude::*;
 
 /// Virtual lights per block of prefix sums.
-pub(super) const BLOCK: usize = 64;
+pub(super) const BLOCK: usize = 32;
 
 impl LightingGrid {
     /// Builds the hierarchy over `lights`.
@@ -172,12 +172,14 @@ impl Cube {
             level0: Level::default(),
             level0_lights: Vec::new(),
             lights: sorted,
+            points: Vec::new(),
             keys,
             blocks: Vec::new(),
             lobes: self.lobes,
         };
+        grid.points = grid.lights.par_iter().map(|l| grid.draw_point(l)).collect();
         let sums: Vec<[f64; 8]> =
-            grid.lights.par_chunks(BLOCK).map(|chunk| grid.monomials(chunk)).collect();
+            grid.points.par_chunks(BLOCK).map(LightingGrid::monomials).collect();
         let mut running = [0.0; 8];
         for sum in sums {
             grid.blocks.push(running);

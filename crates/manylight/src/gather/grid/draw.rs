@@ -9,24 +9,35 @@ use super::build::{BLOCK, sort_key};
 use super::record::{GridLight, LightingGrid};
 use crate::math::luminance;
 use crate::vlight::Vpl;
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 use std::ops::Range;
 
-/// The trilinear weight inside one cell next to a vertex: Π (a_d + b_d · u_d), u in 0…1 over the
-/// cube.
-struct CellWeight {
-    constant: DVec3,
-    slope: DVec3,
+/// Most lights between two block boundaries that enclose a range.
+const MOST_SCANNED: usize = 2 * BLOCK;
+
+/// The trilinear weight around one vertex: Π (1 − |x/s − v|), x in level-1 cells.
+struct VertexWeight {
+    /// 1/s: level-1 cells per cell of the level, inverted.
+    scale: f32,
+    vertex: Vec3,
+    /// +1 where the cell at hand lies below the vertex, −1 above: the sign of the slope.
+    sign: Vec3,
 }
 
-impl CellWeight {
-    fn at(&self, unit: DVec3) -> f64 {
-        (self.constant + self.slope * unit).max(DVec3::ZERO).element_product()
+impl VertexWeight {
+    /// Share of a light from its lattice position and luminance.
+    #[inline(always)]
+    fn share(&self, [x, y, z, luminance]: [f32; 4]) -> f32 {
+        let hat = 1.0 - (Vec3::new(x, y, z) * self.scale - self.vertex).abs();
+        let hat = hat.max(Vec3::ZERO);
+        luminance * hat.x * hat.y * hat.z
     }
 
-    /// Coefficients of (1, x, y, z, xy, yz, zx, xyz).
+    /// Coefficients of (1, x, y, z, xy, yz, zx, xyz) inside the cell at hand.
     fn coefficients(&self) -> [f64; 8] {
-        let (a, b) = (self.constant, self.slope);
+        let sign = self.sign.as_dvec3();
+        let a = 1.0 - sign * self.vertex.as_dvec3();
+        let b = sign * f64::from(self.scale);
         [
             a.x * a.y * a.z,
             b.x * a.y * a.z,
@@ -41,21 +52,18 @@ impl CellWeight {
 }
 
 impl LightingGrid {
-    /// Position in 0…1 over the cube.
-    fn unit(&self, p: Vec3) -> DVec3 {
-        let edge = self.levels[0].cell_size * (1u32 << (self.levels.len() - 1)) as f32;
-        (p - self.origin).as_dvec3() / f64::from(edge)
+    /// Position in level-1 cells and luminance, as the draw reads them.
+    pub(super) fn draw_point(&self, light: &Vpl) -> [f32; 4] {
+        let lattice = (light.position - self.origin) / self.levels[0].cell_size;
+        lattice.extend(luminance(light.intensity)).to_array()
     }
 
     /// Sums of luminance · (1, x, y, z, xy, yz, zx, xyz) over some lights.
-    pub(super) fn monomials(&self, lights: &[Vpl]) -> [f64; 8] {
-        let edge = f64::from(self.levels[0].cell_size);
+    pub(super) fn monomials(points: &[[f32; 4]]) -> [f64; 8] {
         let mut sums = [0.0; 8];
-        for light in lights {
-            // In level-1 cells here; `scale_monomials` turns them into units of the cube.
-            let p = (light.position - self.origin).as_dvec3() / edge;
-            let terms = [1.0, p.x, p.y, p.z, p.x * p.y, p.y * p.z, p.z * p.x, p.x * p.y * p.z];
-            let mass = f64::from(luminance(light.intensity));
+        for point in points {
+            let [x, y, z, mass] = point.map(f64::from);
+            let terms = [1.0, x, y, z, x * y, y * z, z * x, x * y * z];
             (0..8).for_each(|i| sums[i] += mass * terms[i]);
         }
         sums
@@ -90,72 +98,72 @@ impl LightingGrid {
         let end = start + self.keys[start..].partition_point(|&k| k < end_key);
 
         // The light inside it, by exact weights.
-        let cells = f64::from(1u32 << (self.levels.len() as u32 - level as u32));
-        let sign =
-            DVec3::from_array(std::array::from_fn(|a| if above(a) == 1 { -1.0 } else { 1.0 }));
-        let vertex = DVec3::from_array(light.vertex.map(f64::from));
-        let weight = CellWeight { constant: 1.0 - sign * vertex, slope: sign * cells };
+        let sign = Vec3::from_array(std::array::from_fn(|a| 1.0 - 2.0 * above(a) as f32));
+        let vertex = Vec3::from_array(light.vertex.map(f32::from));
+        let weight = VertexWeight { scale: 1.0 / (1u32 << shift) as f32, vertex, sign };
         self.draw_in(start..end, &weight, left)
     }
 
-    fn draw_in(&self, range: Range<usize>, weight: &CellWeight, u: f64) -> usize {
+    fn draw_in(&self, range: Range<usize>, weight: &VertexWeight, u: f64) -> usize {
         let (first, last) = (range.start.div_ceil(BLOCK), range.end / BLOCK);
-        if last <= first + 1 {
-            return self.scan(range.clone(), weight, u * self.mass(range, weight));
+        if range.len() <= MOST_SCANNED {
+            return self.scan(range, weight, |mass| u as f32 * mass);
         }
-        let fine = f64::from(1u32 << (self.levels.len() - 1));
-        let scales = [1.0, fine, fine, fine, fine * fine, fine * fine, fine * fine, fine.powi(3)];
+        // Whole blocks by prefix sums, the lights before and after them one by one.
         let coefficients = weight.coefficients();
         let before = |block: usize| -> f64 {
-            (0..8)
-                .map(|i| {
-                    coefficients[i] / scales[i] * (self.blocks[block][i] - self.blocks[first][i])
-                })
-                .sum()
+            let (sum, base) = (&self.blocks[block], &self.blocks[first]);
+            (0..8).map(|i| coefficients[i] * (sum[i] - base[i])).sum()
         };
         let (head, tail) = (range.start..first * BLOCK, last * BLOCK..range.end);
-        let (head_mass, tail_mass) =
-            (self.mass(head.clone(), weight), self.mass(tail.clone(), weight));
-        let blocks_mass = before(last);
+        let mass = |r: &Range<usize>| -> f64 {
+            self.points[r.clone()].iter().map(|&p| f64::from(weight.share(p))).sum()
+        };
+        let (head_mass, blocks_mass, tail_mass) = (mass(&head), before(last), mass(&tail));
         let target = u * (head_mass + blocks_mass + tail_mass);
         if target < head_mass {
-            return self.scan(head, weight, target);
+            return self.scan(head, weight, |_| target as f32);
         }
-        if target >= head_mass + blocks_mass && tail_mass > 0.0 {
-            return self.scan(tail, weight, target - head_mass - blocks_mass);
+        let target = target - head_mass;
+        if target >= blocks_mass && tail_mass > 0.0 {
+            return self.scan(tail, weight, |_| (target - blocks_mass) as f32);
         }
         // Last block that begins at or below the target.
-        let target = target - head_mass;
         let (mut low, mut high) = (first, last);
         while high - low > 1 {
             let middle = usize::midpoint(low, high);
             if before(middle) <= target { low = middle } else { high = middle }
         }
-        self.scan(low * BLOCK..(low + 1) * BLOCK, weight, target - before(low))
+        let rest = (target - before(low)) as f32;
+        self.scan(low * BLOCK..(low + 1) * BLOCK, weight, |_| rest)
     }
 
-    fn share(&self, index: usize, weight: &CellWeight) -> f64 {
-        let light = &self.lights[index];
-        f64::from(luminance(light.intensity)) * weight.at(self.unit(light.position))
-    }
-
-    fn mass(&self, range: Range<usize>, weight: &CellWeight) -> f64 {
-        range.map(|i| self.share(i, weight)).sum()
-    }
-
-    /// The light of a non-empty range where the running mass passes `target`.
-    fn scan(&self, range: Range<usize>, weight: &CellWeight, target: f64) -> usize {
-        let mut left = target;
+    /// The light of a short range where the running mass passes a target, which may depend on
+    /// the range's mass.
+    fn scan(
+        &self,
+        range: Range<usize>,
+        weight: &VertexWeight,
+        target: impl Fn(f32) -> f32,
+    ) -> usize {
+        let mut shares = [0.0f32; MOST_SCANNED];
+        let points = &self.points[range.clone()];
+        let mut total = 0.0;
+        for (share, &point) in shares.iter_mut().zip(points) {
+            *share = weight.share(point);
+            total += *share;
+        }
+        let mut left = target(total);
+        // Rounding may leave a rest behind the last light: it goes to the last one with a share.
         let mut found = range.start.min(self.lights.len() - 1);
-        for index in range {
-            let share = self.share(index, weight);
+        for (i, &share) in shares[..points.len()].iter().enumerate() {
             if share > 0.0 {
-                found = index;
+                found = range.start + i;
+                if left < share {
+                    break;
+                }
+                left -= share;
             }
-            if left < share {
-                break;
-            }
-            left -= share;
         }
         found
     }

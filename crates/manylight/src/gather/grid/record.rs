@@ -52,6 +52,8 @@ pub struct LightingGrid {
     pub(super) level0_lights: Vec<u32>,
     /// The virtual lights, sorted by (lobe, Morton code of the level-1 cell).
     pub lights: Vec<Vpl>,
+    /// Position in level-1 cells and luminance of each light, for drawing.
+    pub(super) points: Vec<[f32; 4]>,
     /// Sort key of each light.
     pub(super) keys: Vec<u64>,
     /// Sums of luminance · (1, x, y, z, xy, yz, zx, xyz) over all lights before each block.
@@ -70,6 +72,7 @@ impl LightingGrid {
     pub fn size_bytes(&self) -> usize {
         self.light_count() * size_of::<GridLight>()
             + self.lights.len() * (size_of::<Vpl>() + size_of::<u64>())
+            + self.points.len() * size_of::<[f32; 4]>()
             + self.blocks.len() * size_of::<[f64; 8]>()
     }
 }
