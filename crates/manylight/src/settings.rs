@@ -132,7 +132,7 @@ group! {
 group! {
     /// Shadow rays of the grid method.
     ShadowSettings {
-        /// Rays per pixel, 0 to 256; 0: no shadows.
+        /// Rays per pixel and gather, 0 to 256, half of it for the sky; 0: no shadows.
         rays: u32 = 4,
         /// What a ray aims at.
         target: ShadowTarget = ShadowTarget::Vpl,

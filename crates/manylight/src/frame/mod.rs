@@ -26,8 +26,6 @@ use stage::Clock;
 
 /// Sky rays per receiver of the brute method.
 const BRUTE_SKY_RAYS: u32 = 256;
-/// Fewest sky rays per receiver of the grid method.
-const MIN_SKY_RAYS: u32 = 4;
 /// Share of the diagonal, and most metres, of the default distance clamp.
 const DEFAULT_D_MIN: (f32, f32) = (0.01, 0.15);
 
@@ -238,7 +236,7 @@ impl Renderer {
     ) -> Gathered {
         let rays = match settings.method {
             Method::Brute => BRUTE_SKY_RAYS,
-            _ => settings.shadow.rays.max(MIN_SKY_RAYS),
+            _ => settings.shadow.rays.div_ceil(2).max(1),
         };
         let is_constant = matches!(self.world.scene.sky, Some(Sky::Constant(_)));
         let count = receivers.samples.len();

@@ -71,12 +71,24 @@ struct Cube {
     lobes: u32,
 }
 
-/// Sort key: lobe above the interleaved bits of the level-1 cell.
-pub(super) fn sort_key(lobe: u32, cell: [u32; 3]) -> u64 {
-    u64::from(lobe) << (3 * MAX_LEVELS)
-        | spread(cell[0])
-        | spread(cell[1]) << 1
-        | spread(cell[2]) << 2
+/// Sort key: lobe above the interleaved bits of the cell of level `shift` + 1.
+///
+/// The key of a coarser cell is that of any level-1 cell inside it, shifted by three bits a level.
+pub(super) fn sort_key(lobe: u32, cell: [u32; 3], shift: u32) -> u64 {
+    let morton = spread(cell[0]) | spread(cell[1]) << 1 | spread(cell[2]) << 2;
+    u64::from(lobe) << (3 * (MAX_LEVELS - shift)) | morton
+}
+
+/// First light of every occupied cell from sorted keys, with a sentinel at the end.
+fn occupied_cells(keys: impl Iterator<Item = (u64, u32)>, count: usize) -> Vec<(u64, u32)> {
+    let mut cells: Vec<(u64, u32)> = Vec::new();
+    for (key, first) in keys {
+        if cells.last().is_none_or(|c| c.0 != key) {
+            cells.push((key, first));
+        }
+    }
+    cells.push((u64::MAX, count as u32));
+    cells
 }
 
 /// Puts two zero bits between the bits of a number below 2^21.
@@ -138,7 +150,7 @@ impl Cube {
         let finest = Cube { level_count: MAX_LEVELS, ..*self };
         let mut keys: Vec<u64> = lights
             .par_iter()
-            .map(|l| sort_key(self.lobe_of(l.normal), finest.cell_of(l.position)))
+            .map(|l| sort_key(self.lobe_of(l.normal), finest.cell_of(l.position), 0))
             .collect();
         keys.par_sort_unstable();
         // A cell of level l begins where bits at or above 3·(its depth) change.
@@ -161,19 +173,20 @@ impl Cube {
         let mut order: Vec<(u64, u32)> = lights
             .par_iter()
             .enumerate()
-            .map(|(i, l)| (sort_key(self.lobe_of(l.normal), self.cell_of(l.position)), i as u32))
+            .map(|(i, l)| (sort_key(self.lobe_of(l.normal), self.cell_of(l.position), 0), i as u32))
             .collect();
         order.par_sort_unstable();
-        let keys = order.par_iter().map(|o| o.0).collect();
+        let count = order.len();
+        let keys = order.iter().enumerate().map(|(i, o)| (o.0, i as u32));
+        let cells = occupied_cells(keys, count);
         let sorted: Vec<Vpl> = order.par_iter().map(|o| lights[o.1 as usize]).collect();
         let mut grid = LightingGrid {
             origin: self.origin,
-            levels: vec![Level { cell_size: self.cell_size(), ..Level::default() }],
+            levels: vec![Level { cell_size: self.cell_size(), cells, ..Level::default() }],
             level0: Level::default(),
             level0_lights: Vec::new(),
             lights: sorted,
             points: Vec::new(),
-            keys,
             blocks: Vec::new(),
             lobes: self.lobes,
         };
@@ -275,7 +288,10 @@ impl Cube {
                 row.finish([vy, vz], self.origin, cell_size)
             };
             let lights = coarse.par_iter().with_min_len(4).flat_map_iter(sweep).collect();
-            grid.levels.push(Level { cell_size, lights, rows: Vec::new() });
+            let inner = &fine.cells[..fine.cells.len() - 1];
+            let cells = inner.iter().map(|c| (c.0 >> 3, c.1));
+            let cells = occupied_cells(cells, grid.lights.len());
+            grid.levels.push(Level { cell_size, lights, cells, rows: Vec::new() });
         }
         grid.levels.iter_mut().for_each(|l| l.rows = occupied_rows(&l.lights));
     }
@@ -305,7 +321,7 @@ impl Cube {
         };
         let lights: Vec<GridLight> = order.par_iter().map(record).collect();
         let rows = occupied_rows(&lights);
-        grid.level0 = Level { cell_size: self.cell_size(), lights, rows };
+        grid.level0 = Level { cell_size: self.cell_size(), lights, rows, cells: Vec::new() };
         grid.level0_lights = order;
     }
 }

@@ -92,10 +92,11 @@ impl LightingGrid {
         let above = |axis: usize| octant >> axis & 1;
         let cell: [u32; 3] =
             std::array::from_fn(|a| u32::from(light.vertex[a]) + above(a) as u32 - 1);
-        let first_key = sort_key(u32::from(light.lobe), cell.map(|c| c << shift));
-        let start = self.keys.partition_point(|&k| k < first_key);
-        let end_key = first_key + (1u64 << (3 * shift));
-        let end = start + self.keys[start..].partition_point(|&k| k < end_key);
+        let key = sort_key(u32::from(light.lobe), cell, shift);
+        let cells = &self.levels[level - 1].cells;
+        let at = cells.partition_point(|c| c.0 < key);
+        debug_assert!(cells[at].0 == key, "a share lies in an occupied cell");
+        let (start, end) = (cells[at].1 as usize, cells[at + 1].1 as usize);
 
         // The light inside it, by exact weights.
         let sign = Vec3::from_array(std::array::from_fn(|a| 1.0 - 2.0 * above(a) as f32));

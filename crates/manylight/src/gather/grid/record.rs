@@ -35,6 +35,9 @@ pub struct Level {
     pub cell_size: f32,
     /// Occupied vertices, one or more lights each.
     pub lights: Vec<GridLight>,
+    /// Occupied cells in key order, each with the index of its first virtual light; ends with a
+    /// sentinel.
+    pub(super) cells: Vec<(u64, u32)>,
     /// Occupied rows (z, y) in order, each with the index of its first light; ends with a sentinel.
     pub(super) rows: Vec<([u16; 2], u32)>,
 }
@@ -54,8 +57,6 @@ pub struct LightingGrid {
     pub lights: Vec<Vpl>,
     /// Position in level-1 cells and luminance of each light, for drawing.
     pub(super) points: Vec<[f32; 4]>,
-    /// Sort key of each light.
-    pub(super) keys: Vec<u64>,
     /// Sums of luminance · (1, x, y, z, xy, yz, zx, xyz) over all lights before each block.
     pub(super) blocks: Vec<[f64; 8]>,
     /// Lobes per vertex: 1 or 6.
@@ -71,8 +72,9 @@ impl LightingGrid {
     /// Memory held, bytes.
     pub fn size_bytes(&self) -> usize {
         self.light_count() * size_of::<GridLight>()
-            + self.lights.len() * (size_of::<Vpl>() + size_of::<u64>())
+            + self.lights.len() * size_of::<Vpl>()
             + self.points.len() * size_of::<[f32; 4]>()
+            + self.levels.iter().map(|l| size_of_val(&l.cells[..])).sum::<usize>()
             + self.blocks.len() * size_of::<[f64; 8]>()
     }
 }
