@@ -71,8 +71,6 @@ pub enum ShadowEstimate {
     /// Rays weighted by the drawn light's own contribution over its probability.
     #[default]
     Weighted,
-    /// The weighted rays over their number: unbiased for the sum of all lights, noisier.
-    Unbiased,
 }
 
 group! {
@@ -119,13 +117,16 @@ group! {
     GridSettings {
         /// r_l = alpha · h_l: how far a level reaches, 0.25 to 16. Cost grows about with its
         /// square.
-        alpha: f32 = 1.5,
+        alpha: f32 = 1.1,
         /// Number of levels, 2 to 14; null: chosen from the number and the spread of the lights.
         levels: Option<u32> = None,
         /// 0 evaluates the virtual lights themselves near the receiver, 1 starts at the grid.
         start_level: u32 = 1,
         /// 6: a grid light per vertex and dominant normal axis; 1: one per vertex (the paper).
         lobes: u32 = 6,
+        /// Whether a grid light shines as the spread of the lights it stands for; false: as a
+        /// point at their mean (the paper).
+        spread: bool = true,
     }
 }
 
@@ -138,6 +139,9 @@ group! {
         target: ShadowTarget = ShadowTarget::Vpl,
         /// Lowest grid level whose lights are drawn for shadows.
         start_level: u32 = 1,
+        /// Whether the draws of a pixel and its neighbors are stratified against each other;
+        /// false: independent (the paper).
+        stratified: bool = true,
         /// How the rays become one ratio.
         estimate: ShadowEstimate = ShadowEstimate::Weighted,
     }
@@ -190,7 +194,7 @@ impl Settings {
         let mut s = Self::default();
         match name {
             "draft" => (s.vpls.count, s.grid.alpha, s.shadow.rays) = (20_000, 0.75, 2),
-            "fast" => (s.vpls.count, s.grid.alpha) = (50_000, 1.0),
+            "fast" => (s.vpls.count, s.grid.alpha) = (50_000, 0.9),
             "balanced" => {}
             "fine" => (s.vpls.count, s.grid.alpha, s.shadow.rays) = (300_000, 1.5, 8),
             "exhaustive" => {
@@ -199,7 +203,8 @@ impl Settings {
             }
             "paper" => {
                 s.grid.alpha = 1.0;
-                (s.grid.lobes, s.shadow.start_level) = (1, 2);
+                (s.grid.lobes, s.grid.spread) = (1, false);
+                (s.shadow.start_level, s.shadow.stratified) = (2, false);
                 (s.shadow.target, s.shadow.estimate) =
                     (ShadowTarget::Variance, ShadowEstimate::Mean);
             }

@@ -20,6 +20,19 @@ pub fn unit_f32(bits: u32) -> f32 {
     (bits >> 8) as f32 * (1.0 / 16_777_216.0)
 }
 
+/// Interleaves the bits of two numbers below 2^16: pixels of a square block are neighbors.
+#[inline]
+pub fn morton_2d(x: u32, y: u32) -> u32 {
+    let spread = |mut v: u32| {
+        v &= 0xffff;
+        v = (v | v << 8) & 0x00ff_00ff;
+        v = (v | v << 4) & 0x0f0f_0f0f;
+        v = (v | v << 2) & 0x3333_3333;
+        (v | v << 1) & 0x5555_5555
+    };
+    spread(x) | spread(y) << 1
+}
+
 /// Owen scrambling of a bit-reversed word by hashing.
 ///
 /// Source: [Burley20, Listing 3]

@@ -1,14 +1,16 @@
-//! Gathering: each tile walks its light list once, with sums and shadow reservoirs in registers.
+//! Gathering: each tile walks its light list once, keeping the sums in registers and the running
+//! shadow weight at every [`RUN`]-th light.
 //!
-//! Reservoirs draw a light with probability proportional to its contribution in one pass, by
-//! jumping: after a light was taken at running weight W, the next one is taken where the running
-//! weight passes W/u for a uniform u, which is the law of weighted reservoir sampling
-//! ([LinYuksel19, App. A], `[Chao82]`) with a random number per replacement instead of per light.
+//! A shadow ray draws a light with probability proportional to its contribution: a point of the
+//! total weight, the run it falls into by binary search, the light in it by walking the run again.
+//! That is the law of the weighted reservoirs of [LinYuksel19, App. A] (`[Chao82]`) by inversion,
+//! so that the draws of a pixel and of its neighbors can be stratified.
 
+use super::contribution;
 use super::record::LightingGrid;
-use super::tiles::{Shell, TileBounds, TileLight, collect, level_of, shells};
+use super::tiles::{Bounds, Shell, TileLight, collect, level_of, narrow, shells};
 use crate::gather::Gathered;
-use crate::math::{hash_u32, unit_f32};
+use crate::math::{Sequence, hash_u32, morton_2d, unit_f32};
 use crate::settings::{Settings, ShadowEstimate, ShadowTarget};
 use crate::shadow;
 use crate::surface::{Receivers, SurfacePoint};
@@ -19,6 +21,13 @@ use rayon::prelude::*;
 
 /// Receivers per side of a tile.
 pub const TILE: usize = 8;
+/// Receivers per side of a block, whose tiles share one search of the grid.
+const BLOCK: usize = 4 * TILE;
+/// Largest weight of a shadow ray: bounds what one virtual light says about a pixel where it gives
+/// more than its grid light on average, as beside the horizon.
+const MOST_WEIGHT: f32 = 2.0;
+/// Lights between two stored running weights.
+const RUN: usize = 4;
 /// Receivers that the inner loop works on at once: one row of a tile.
 const LANES: usize = TILE;
 
@@ -43,12 +52,14 @@ pub fn gather(
     }
     let shells = shells(grid, &settings.grid);
     let job = Job { world, receivers, grid, settings, d_min, seed, shells: &shells };
-    let (tiles_x, tiles_y) = (receivers.width.div_ceil(TILE), receivers.height.div_ceil(TILE));
-    let tiles: Vec<Vec<(usize, PixelResult)>> = (0..tiles_x * tiles_y)
+    let (blocks_x, blocks_y) = (receivers.width.div_ceil(BLOCK), receivers.height.div_ceil(BLOCK));
+    let blocks: Vec<Vec<(usize, PixelResult)>> = (0..blocks_x * blocks_y)
         .into_par_iter()
-        .map_init(Vec::new, |list, tile| job.gather_tile(tile % tiles_x, tile / tiles_x, list))
+        .map_init(Scratch::default, |scratch, block| {
+            job.gather_block([block % blocks_x * BLOCK, block / blocks_x * BLOCK], scratch)
+        })
         .collect();
-    for (index, result) in tiles.into_iter().flatten() {
+    for (index, result) in blocks.into_iter().flatten() {
         out.unshadowed[index] = result.unshadowed;
         out.shadow_ratio[index] = result.shadow_ratio;
         out.evals[index] = result.evals;
@@ -78,76 +89,88 @@ struct Row {
     normal: [Lanes; 3],
     sum: [Lanes; 3],
     evals: Lanes,
-    /// Running shadow weight.
-    weight: Lanes,
-    /// Smallest weight at which some reservoir changes.
-    next: Lanes,
-    reservoirs: Vec<Reservoir>,
 }
 
-/// The k-th reservoir of each receiver of a row.
-#[derive(Clone, Copy)]
-struct Reservoir {
-    /// Running weight at which the next light is taken.
-    next: Lanes,
-    /// Position in the tile's list of the light held.
-    held: [u32; LANES],
+/// Memory that a thread keeps from tile to tile.
+#[derive(Default)]
+struct Scratch {
+    /// Lights of a block.
+    wider: Vec<TileLight>,
+    /// Lights of a tile of it.
+    list: Vec<TileLight>,
+    /// Running shadow weight after every run of the list.
+    weights: Vec<Lanes>,
 }
 
-const NOTHING_HELD: u32 = u32::MAX;
+/// A light drawn for a shadow ray.
+struct Draw<'a> {
+    light: &'a TileLight,
+    /// Its geometry term, before blending.
+    geometry: f32,
+}
 
 impl Job<'_> {
-    fn gather_tile(
-        &self,
-        tile_x: usize,
-        tile_y: usize,
-        list: &mut Vec<TileLight>,
-    ) -> Vec<(usize, PixelResult)> {
-        let (width, height) = (self.receivers.width, self.receivers.height);
+    fn gather_block(&self, [x, y]: [usize; 2], scratch: &mut Scratch) -> Vec<(usize, PixelResult)> {
         let mut results = Vec::new();
-        let rows = tile_y * TILE..((tile_y + 1) * TILE).min(height);
-        let columns = tile_x * TILE..((tile_x + 1) * TILE).min(width);
-        let mut bounds = TileBounds { low: Vec3::INFINITY, high: Vec3::NEG_INFINITY };
-        for y in rows.clone() {
-            let row = &self.receivers.samples[y * width..][columns.clone()];
-            for surface in row.iter().filter_map(|s| s.surface) {
-                bounds.low = bounds.low.min(surface.position);
-                bounds.high = bounds.high.max(surface.position);
-            }
-        }
-        if !bounds.low.is_finite() {
-            return results;
-        }
-        collect(self.grid, self.shells, &self.settings.shadow, &bounds, list);
-        for y in rows {
-            let mut row = self.start_row(y * width + columns.start, columns.len());
-            let first = (y * width + columns.start) as u32;
-            walk(&mut row, list, self.d_min * self.d_min, hash_u32(self.seed ^ hash_u32(first)));
-            for lane in 0..columns.len() {
-                let index = y * width + columns.start + lane;
-                let Some(surface) = &self.receivers.samples[index].surface else { continue };
-                let shadow_ratio = self.shadow_ratio(index, surface, &row, lane, list);
-                let unshadowed = Vec3::new(row.sum[0][lane], row.sum[1][lane], row.sum[2][lane]);
-                let evals = row.evals[lane] as u32;
-                results.push((index, PixelResult { unshadowed, shadow_ratio, evals }));
+        let Some(bounds) = self.bounds(x, y, BLOCK) else { return results };
+        collect(self.grid, self.shells, self.settings, &bounds, &mut scratch.wider);
+        for tile_y in (y..(y + BLOCK).min(self.receivers.height)).step_by(TILE) {
+            for tile_x in (x..(x + BLOCK).min(self.receivers.width)).step_by(TILE) {
+                let Some(bounds) = self.bounds(tile_x, tile_y, TILE) else { continue };
+                narrow(&scratch.wider, self.shells, &bounds, &mut scratch.list);
+                self.gather_tile(
+                    [tile_x, tile_y],
+                    &scratch.list,
+                    &mut scratch.weights,
+                    &mut results,
+                );
             }
         }
         results
     }
 
+    /// Bounds of the receivers in a square of pixels.
+    fn bounds(&self, x: usize, y: usize, side: usize) -> Option<Bounds> {
+        let Receivers { width, height, samples, .. } = self.receivers;
+        let rows = y..(y + side).min(*height);
+        let row = |y| &samples[y * width + x..y * width + (x + side).min(*width)];
+        Bounds::of(rows.flat_map(row).filter_map(|s| s.surface.as_ref()))
+    }
+
+    fn gather_tile(
+        &self,
+        [x, y]: [usize; 2],
+        list: &[TileLight],
+        weights: &mut Vec<Lanes>,
+        results: &mut Vec<(usize, PixelResult)>,
+    ) {
+        let width = self.receivers.width;
+        let columns = x..(x + TILE).min(width);
+        for y in y..(y + TILE).min(self.receivers.height) {
+            let mut row = self.start_row(y * width + columns.start, columns.len());
+            weights.clear();
+            walk(&mut row, list, self.d_min * self.d_min, weights);
+            for lane in 0..columns.len() {
+                let index = y * width + columns.start + lane;
+                let Some(surface) = &self.receivers.samples[index].surface else { continue };
+                let pixel = [columns.start + lane, y];
+                let shadow_ratio = self.shadow_ratio(pixel, surface, list, weights);
+                let unshadowed = Vec3::new(row.sum[0][lane], row.sum[1][lane], row.sum[2][lane]);
+                let evals = row.evals[lane] as u32;
+                results.push((index, PixelResult { unshadowed, shadow_ratio, evals }));
+            }
+        }
+    }
+
     fn start_row(&self, first: usize, count: usize) -> Row {
-        let empty = Reservoir { next: [0.0; LANES], held: [NOTHING_HELD; LANES] };
         let mut row = Row {
             position: [[0.0; LANES]; 3],
             normal: [[0.0; LANES]; 3],
             sum: [[0.0; LANES]; 3],
             evals: [0.0; LANES],
-            weight: [0.0; LANES],
-            next: [0.0; LANES],
-            reservoirs: vec![empty; self.settings.shadow.rays as usize],
         };
         for (lane, sample) in self.receivers.samples[first..first + count].iter().enumerate() {
-            // Lanes without surface keep a zero normal and gather nothing.
+            // The sums of lanes without surface are never read.
             let Some(surface) = &sample.surface else { continue };
             for axis in 0..3 {
                 row.position[axis][lane] = surface.position[axis];
@@ -157,32 +180,45 @@ impl Job<'_> {
         row
     }
 
-    /// Traces the drawn shadow rays of one receiver.
+    /// Draws and traces the shadow rays of one receiver.
     fn shadow_ratio(
         &self,
-        index: usize,
+        pixel: [usize; 2],
         surface: &SurfacePoint,
-        row: &Row,
-        lane: usize,
         list: &[TileLight],
+        weights: &[Lanes],
     ) -> f32 {
         let shadow = &self.settings.shadow;
-        let (mut seen, mut drawn, mut rays) = (0.0f32, 0.0f32, 0u32);
-        for (j, reservoir) in row.reservoirs.iter().enumerate() {
-            let Some(light) = list.get(reservoir.held[lane] as usize) else { continue };
-            let key = hash_u32(self.seed ^ 0x5bd1_e995 ^ hash_u32(index as u32 ^ (j as u32) << 24));
-            rays += 1;
+        let (lane, d_min_sq) = (pixel[0] % TILE, self.d_min * self.d_min);
+        let total = weights.last().map_or(0.0, |w| w[lane]);
+        if total <= 0.0 {
+            return 1.0;
+        }
+        let receiver = [surface.position.to_array(), surface.ns.to_array()];
+        let (mut seen, mut drawn) = (0.0f32, 0.0f32);
+        let morton = morton_2d(pixel[0] as u32, pixel[1] as u32);
+        for ray in 0..shadow.rays {
+            let index = morton.wrapping_mul(shadow.rays).wrapping_add(ray);
+            let [u, v] = match shadow.stratified {
+                true => Sequence::new(self.seed, index).next_2d(),
+                false => [1, 2].map(|i| unit_f32(hash_u32(self.seed ^ hash_u32(2 * index + i)))),
+            };
+            let Some(draw) = draw_light(u * total, receiver, lane, list, weights, d_min_sq) else {
+                continue;
+            };
             let (weight, open) = match shadow.target {
-                ShadowTarget::Vpl => self.ray_to_vpl(surface, light, key),
-                ShadowTarget::Variance => (1.0, self.ray_to_cloud(surface, light, key)),
+                ShadowTarget::Vpl => self.ray_to_vpl(surface, &draw, v),
+                ShadowTarget::Variance => (
+                    1.0,
+                    self.ray_to_cloud(surface, draw.light, hash_u32(self.seed ^ hash_u32(index))),
+                ),
             };
             let weight = if shadow.estimate == ShadowEstimate::Mean { 1.0 } else { weight };
             drawn += weight;
             seen += if open { weight } else { 0.0 };
         }
-        match shadow.estimate {
-            _ if rays == 0 => 1.0,
-            ShadowEstimate::Unbiased => seen / rays as f32,
+        match shadow.rays {
+            0 => 1.0,
             _ if drawn > 0.0 => seen / drawn,
             _ => 0.0,
         }
@@ -190,20 +226,20 @@ impl Job<'_> {
 
     /// Draws a real virtual light of a grid light; its contribution over its probability,
     /// relative to the running weight, and whether it is seen.
-    fn ray_to_vpl(&self, surface: &SurfacePoint, light: &TileLight, key: u32) -> (f32, bool) {
+    fn ray_to_vpl(&self, surface: &SurfacePoint, draw: &Draw, u: f32) -> (f32, bool) {
+        let light = draw.light;
         let drawn = match light.level {
             0 => self.grid.level0_lights[light.index as usize] as usize,
             level => {
                 let record = &level_of(self.grid, level).lights[light.index as usize];
-                self.grid.draw(level as usize, record, unit_f32(key))
+                self.grid.draw(level as usize, record, u)
             }
         };
         let vpl = &self.grid.lights[drawn];
         let d_min_sq = self.d_min * self.d_min;
         let (p, n) = (surface.position, surface.ns);
         let own = vpl::geometry(vpl.position, vpl.normal, p, n, d_min_sq);
-        let mean = vpl::geometry(light.position.into(), light.normal.into(), p, n, d_min_sq);
-        let weight = if mean > 0.0 { own / mean } else { 0.0 };
+        let weight = (own / draw.geometry).min(MOST_WEIGHT);
         let needs_ray = weight > 0.0 || self.settings.shadow.estimate == ShadowEstimate::Mean;
         (weight, needs_ray && shadow::is_vpl_seen(self.world, surface, vpl))
     }
@@ -224,81 +260,151 @@ impl Job<'_> {
     }
 }
 
+/// The light of the list at which the running shadow weight of a lane, whose receiver has position
+/// `p` and normal `n`, passes `target`.
+///
+/// Cost: binary search over the runs, then one run
+fn draw_light<'l>(
+    target: f32,
+    [p, n]: [[f32; 3]; 2],
+    lane: usize,
+    list: &'l [TileLight],
+    weights: &[Lanes],
+    d_min_sq: f32,
+) -> Option<Draw<'l>> {
+    let run = weights.partition_point(|w| w[lane] <= target).min(weights.len() - 1);
+    let before = if run == 0 { 0.0 } else { weights[run - 1][lane] };
+    let mut left = target - before;
+    let mut drawn = None;
+    // Rounding may leave a rest behind the last light: it goes to the last one with a weight.
+    for light in &list[run * RUN..((run + 1) * RUN).min(list.len())] {
+        let offset = std::array::from_fn(|a| light.position[a] - p[a]);
+        let geometry = contribution::geometry(light, offset, n, d_min_sq);
+        let weight = light.shadow_weight * light.blend(offset) * geometry;
+        if weight > 0.0 {
+            drawn = Some(Draw { light, geometry });
+            if left < weight {
+                break;
+            }
+            left -= weight;
+        }
+    }
+    drawn
+}
+
 /// Walks a tile's list for one row of receivers.
-fn walk(row: &mut Row, list: &[TileLight], d_min_sq: f32, key: u32) {
+fn walk(row: &mut Row, list: &[TileLight], d_min_sq: f32, weights: &mut Vec<Lanes>) {
     #[cfg(target_arch = "x86_64")]
     if std::arch::is_x86_feature_detected!("avx2") {
         // SAFETY: the processor has AVX2.
-        return unsafe { walk_avx2(row, list, d_min_sq, key) };
+        return unsafe { walk_avx2(row, list, d_min_sq, weights) };
     }
-    walk_lanes(row, list, d_min_sq, key);
+    walk_lanes(row, list, d_min_sq, weights);
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
-fn walk_avx2(row: &mut Row, list: &[TileLight], d_min_sq: f32, key: u32) {
-    walk_lanes(row, list, d_min_sq, key);
+fn walk_avx2(row: &mut Row, list: &[TileLight], d_min_sq: f32, weights: &mut Vec<Lanes>) {
+    walk_lanes(row, list, d_min_sq, weights);
 }
 
 #[inline(always)]
-fn walk_lanes(row: &mut Row, list: &[TileLight], d_min_sq: f32, key: u32) {
-    let mut draws = 0u32;
+fn walk_lanes(row: &mut Row, list: &[TileLight], d_min_sq: f32, weights: &mut Vec<Lanes>) {
     let (position, normal) = (row.position, row.normal);
-    let (mut sum, mut evals, mut weight) = (row.sum, row.evals, row.weight);
-    let mut next = if row.reservoirs.is_empty() { [f32::INFINITY; LANES] } else { row.next };
-    for (index, light) in list.iter().enumerate() {
-        let mut change = false;
-        for i in 0..LANES {
-            let x = light.position[0] - position[0][i];
-            let y = light.position[1] - position[1][i];
-            let z = light.position[2] - position[2][i];
-            let dist_sq = x * x + y * y + z * z;
-            let dist = dist_sq.sqrt();
-            let rise = clamp01(dist * light.rise[0] + light.rise[1]);
-            let fall = clamp01(dist * light.fall[0] + light.fall[1]);
-            let blend = if rise < fall { rise } else { fall };
-            let cos_x = normal[0][i] * x + normal[1][i] * y + normal[2][i] * z;
-            let cos_l = -(light.normal[0] * x + light.normal[1] * y + light.normal[2] * z);
-            let cosines = positive(cos_x) * positive(cos_l);
-            let clamped = if dist_sq > d_min_sq { dist_sq } else { d_min_sq };
-            let floor = dist_sq * clamped;
-            let floor = if floor > 1e-30 { floor } else { 1e-30 };
-            let share = blend * cosines / floor;
-            sum[0][i] += light.intensity[0] * share;
-            sum[1][i] += light.intensity[1] * share;
-            sum[2][i] += light.intensity[2] * share;
-            evals[i] += if share > 0.0 { 1.0 } else { 0.0 };
-            weight[i] += light.shadow_weight * share;
-            change |= weight[i] > next[i];
-        }
-        if change {
+    let (mut sum, mut evals, mut weight) = (row.sum, row.evals, [0.0; LANES]);
+    for run in list.chunks(RUN) {
+        for light in run {
             for i in 0..LANES {
-                if weight[i] <= next[i] {
-                    continue;
-                }
-                next[i] = f32::INFINITY;
-                for reservoir in &mut row.reservoirs {
-                    if weight[i] > reservoir.next[i] {
-                        reservoir.held[i] = index as u32;
-                        draws += 1;
-                        let u = unit_f32(hash_u32(key ^ hash_u32(draws))) + 0.5 / 16_777_216.0;
-                        reservoir.next[i] = weight[i] / u;
-                    }
-                    next[i] = next[i].min(reservoir.next[i]);
-                }
+                let offset = std::array::from_fn(|a| light.position[a] - position[a][i]);
+                let n = [normal[0][i], normal[1][i], normal[2][i]];
+                let share =
+                    light.blend(offset) * contribution::geometry(light, offset, n, d_min_sq);
+                sum[0][i] += light.intensity[0] * share;
+                sum[1][i] += light.intensity[1] * share;
+                sum[2][i] += light.intensity[2] * share;
+                evals[i] += if share > 0.0 { 1.0 } else { 0.0 };
+                weight[i] += light.shadow_weight * share;
             }
         }
+        weights.push(weight);
     }
-    (row.sum, row.evals, row.weight, row.next) = (sum, evals, weight, next);
+    (row.sum, row.evals) = (sum, evals);
 }
 
-#[inline(always)]
-fn positive(x: f32) -> f32 {
-    if x > 0.0 { x } else { 0.0 }
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::uniform_sphere;
 
-#[inline(always)]
-fn clamp01(x: f32) -> f32 {
-    let x = if x > 0.0 { x } else { 0.0 };
-    if x < 1.0 { x } else { 1.0 }
+    /// Lights all around a receiver, many of them behind it or out of their shell.
+    fn list(count: u32) -> Vec<TileLight> {
+        (0..count)
+            .map(|i| {
+                let mut s = Sequence::new(21, i);
+                let position = uniform_sphere(s.next_2d()) * (0.2 + 4.0 * s.next_1d());
+                let normal = uniform_sphere(s.next_2d()) * s.next_1d();
+                let variance = Vec3::new(s.next_1d(), s.next_1d(), 0.0) * 0.05;
+                TileLight {
+                    position: position.to_array(),
+                    normal: normal.to_array(),
+                    variance: variance.to_array(),
+                    nearest: contribution::nearest(variance.element_sum()),
+                    normal_spread: contribution::normal_spread(normal),
+                    intensity: [1.0; 3],
+                    shadow_weight: s.next_1d().powi(3),
+                    rise: [2.0, -1.0],
+                    fall: [-0.5, 2.0],
+                    index: i,
+                    ..TileLight::default()
+                }
+            })
+            .collect()
+    }
+
+    #[test]
+    fn picks_follow_the_weights() {
+        const PICKS: u32 = 100_000;
+        let list = list(137);
+        let (position, ns) = (Vec3::new(0.1, -0.2, 0.05), Vec3::new(0.6, 0.0, 0.8));
+        let receiver = [position.to_array(), ns.to_array()];
+        let (lane, mut weights) = (3, Vec::new());
+        let mut row = Row {
+            position: [[0.0; LANES]; 3],
+            normal: [[0.0; LANES]; 3],
+            sum: [[0.0; LANES]; 3],
+            evals: [0.0; LANES],
+        };
+        for axis in 0..3 {
+            row.position[axis][lane] = position[axis];
+            row.normal[axis][lane] = ns[axis];
+        }
+        walk(&mut row, &list, 0.01, &mut weights);
+        let expected = list.iter().map(|light| {
+            let offset = (Vec3::from(light.position) - position).to_array();
+            let geometry = contribution::geometry(light, offset, ns.to_array(), 0.01);
+            light.shadow_weight * light.blend(offset) * geometry
+        });
+        let expected: Vec<f32> = expected.collect();
+        let total: f32 = expected.iter().sum();
+        assert!((weights.last().expect("runs")[lane] / total - 1.0).abs() < 1e-5);
+        let mut counts = vec![0u32; list.len()];
+        for i in 0..PICKS {
+            // Independent picks: the χ² law holds.
+            let u = unit_f32(hash_u32(i));
+            let pick = draw_light(u * total, receiver, lane, &list, &weights, 0.01).expect("pick");
+            counts[pick.light.index as usize] += 1;
+        }
+        let (mut chi_sq, mut bins) = (0.0, 0);
+        for (count, weight) in counts.iter().zip(&expected) {
+            let expected = f64::from(weight / total) * f64::from(PICKS);
+            assert!(expected > 0.0 || *count == 0, "a light without weight was picked");
+            if expected >= 5.0 {
+                chi_sq += (f64::from(*count) - expected).powi(2) / expected;
+                bins += 1;
+            }
+        }
+        // χ² of n bins has mean n and deviation √(2n): five of those is beyond chance.
+        let n = f64::from(bins);
+        assert!(bins > 20 && chi_sq < n + 5.0 * (2.0 * n).sqrt(), "χ² {chi_sq} of {bins}");
+    }
 }

@@ -1,14 +1,28 @@
 //! The grid lights that can reach a tile of receivers.
 
+use super::contribution;
 use super::record::{GridLight, Level, LightingGrid};
-use crate::settings::{GridSettings, ShadowSettings};
+use crate::settings::{GridSettings, Settings};
+use crate::surface::SurfacePoint;
 use glam::Vec3;
 
 /// A grid light as the inner loop reads it.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct TileLight {
     pub position: [f32; 3],
+    /// Mean of the unit normals, not unit itself.
     pub normal: [f32; 3],
+    /// Per-axis variance of the position, m².
+    pub variance: [f32; 3],
+    /// Distance below which the light counts as this far, m.
+    pub nearest: f32,
+    /// Variance of the normals across a direction.
+    pub normal_spread: f32,
+    /// How far behind its mean plane the light may still shine, see
+    /// [`contribution::reach_behind`].
+    pub reach_behind: [f32; 2],
+    /// How far below a receiver's horizon its mean may lie, squared, m².
+    pub reach_below: f32,
     pub intensity: [f32; 3],
     /// Weight per unit of geometry for the shadow draw; 0 keeps it out.
     pub shadow_weight: f32,
@@ -69,40 +83,80 @@ pub(super) fn level_of(grid: &LightingGrid, level: u32) -> &Level {
     if level == 0 { &grid.level0 } else { &grid.levels[level as usize - 1] }
 }
 
-/// Bounds of the receivers of a tile.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct TileBounds {
-    pub low: Vec3,
-    pub high: Vec3,
+impl TileLight {
+    /// Share of the light that this level gives at an offset from the receiver.
+    #[inline(always)]
+    pub(super) fn blend(&self, [x, y, z]: [f32; 3]) -> f32 {
+        let dist = (x * x + y * y + z * z).sqrt();
+        let rise = clamp01(dist * self.rise[0] + self.rise[1]);
+        let fall = clamp01(dist * self.fall[0] + self.fall[1]);
+        if rise < fall { rise } else { fall }
+    }
+
+    fn new(light: &GridLight, index: u32, shell: &Shell, settings: &Settings) -> Self {
+        let (normal, variance) = match settings.grid.spread {
+            true => (light.normal, light.variance),
+            false => (light.normal.normalize_or_zero(), Vec3::ZERO),
+        };
+        let is_drawn = shell.level >= settings.shadow.start_level;
+        Self {
+            position: light.position.to_array(),
+            normal: normal.to_array(),
+            variance: variance.to_array(),
+            nearest: contribution::nearest(variance.element_sum()),
+            normal_spread: contribution::normal_spread(normal),
+            reach_behind: contribution::reach_behind(normal, variance),
+            reach_below: contribution::reach_below(variance),
+            intensity: light.intensity.to_array(),
+            shadow_weight: if is_drawn { light.luminance } else { 0.0 },
+            rise: shell.rise,
+            fall: shell.fall,
+            level: shell.level,
+            index,
+        }
+    }
 }
 
-/// Appends every light that can give something to a receiver inside the bounds.
+#[inline(always)]
+fn clamp01(x: f32) -> f32 {
+    let x = if x > 0.0 { x } else { 0.0 };
+    if x < 1.0 { x } else { 1.0 }
+}
+
+/// Bounds of some receivers.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Bounds {
+    position: [Vec3; 2],
+    normal: [Vec3; 2],
+}
+
+impl Bounds {
+    /// Bounds of receivers; none if there are none.
+    pub(super) fn of<'a>(surfaces: impl Iterator<Item = &'a SurfacePoint>) -> Option<Self> {
+        surfaces.fold(None, |bounds, surface| {
+            let (p, n) = (surface.position, surface.ns);
+            let Self { position: [p0, p1], normal: [n0, n1] } =
+                bounds.unwrap_or(Self { position: [p; 2], normal: [n; 2] });
+            Some(Self { position: [p0.min(p), p1.max(p)], normal: [n0.min(n), n1.max(n)] })
+        })
+    }
+}
+
+/// Replaces `list` by every light that can give something to a receiver inside the bounds.
 pub(super) fn collect(
     grid: &LightingGrid,
     shells: &[Shell],
-    shadow: &ShadowSettings,
-    bounds: &TileBounds,
+    settings: &Settings,
+    bounds: &Bounds,
     list: &mut Vec<TileLight>,
 ) {
     list.clear();
     for shell in shells {
         let level = level_of(grid, shell.level);
         let mut visit = |index: u32, light: &GridLight| {
-            if is_in_reach(light, shell, bounds) {
-                list.push(TileLight {
-                    position: light.position.to_array(),
-                    normal: light.normal.normalize_or_zero().to_array(),
-                    intensity: light.intensity.to_array(),
-                    shadow_weight: if shell.level >= shadow.start_level {
-                        light.luminance
-                    } else {
-                        0.0
-                    },
-                    rise: shell.rise,
-                    fall: shell.fall,
-                    level: shell.level,
-                    index,
-                });
+            let light = TileLight::new(light, index, shell, settings);
+            if is_in_reach(&light, shell, bounds) {
+                list.push(light);
             }
         };
         if shell.outer.is_infinite() {
@@ -112,24 +166,46 @@ pub(super) fn collect(
         // A light lies within one cell of its vertex.
         let to_lattice = |p: Vec3| (p - grid.origin) / level.cell_size;
         let reach = shell.outer / level.cell_size + 1.0;
-        let low = (to_lattice(bounds.low) - reach).floor().as_ivec3();
-        let high = (to_lattice(bounds.high) + reach).ceil().as_ivec3();
+        let low = (to_lattice(bounds.position[0]) - reach).floor().as_ivec3();
+        let high = (to_lattice(bounds.position[1]) + reach).ceil().as_ivec3();
         level.for_each_in(low.to_array(), high.to_array(), visit);
     }
 }
 
-/// Whether the shell around a light meets the bounds, and any of them lies on its lit side.
-fn is_in_reach(light: &GridLight, shell: &Shell, bounds: &TileBounds) -> bool {
-    let nearest = light.position.clamp(bounds.low, bounds.high);
-    let dist_sq = (nearest - light.position).length_squared();
-    let farthest = (light.position - bounds.low).abs().max((bounds.high - light.position).abs());
-    if dist_sq >= shell.outer * shell.outer
-        || farthest.length_squared() <= shell.inner * shell.inner
+/// Replaces `list` by those of the lights in `wider` that can reach inside narrower bounds.
+pub(super) fn narrow(
+    wider: &[TileLight],
+    shells: &[Shell],
+    bounds: &Bounds,
+    list: &mut Vec<TileLight>,
+) {
+    list.clear();
+    let first = shells[0].level;
+    let shell = |light: &TileLight| &shells[(light.level - first) as usize];
+    list.extend(wider.iter().filter(|light| is_in_reach(light, shell(light), bounds)));
+}
+
+/// Whether the shell around a light meets the bounds, any of them lies on its lit side, and it on
+/// the side that any of them faces.
+fn is_in_reach(light: &TileLight, shell: &Shell, bounds: &Bounds) -> bool {
+    let center = Vec3::from(light.position);
+    let [low, high] = bounds.position.map(|p| p - center);
+    let nearest = Vec3::ZERO.clamp(low, high);
+    let farthest_sq = low.abs().max(high.abs()).length_squared();
+    if nearest.length_squared() >= shell.outer * shell.outer
+        || farthest_sq <= shell.inner * shell.inner
     {
         return false;
     }
-    // Largest n·(x − p) over the box.
-    let low = light.normal * (bounds.low - light.position);
-    let high = light.normal * (bounds.high - light.position);
-    low.max(high).element_sum() > 0.0
+    // Largest m·(x − p) over the box, against how far the spread reaches behind.
+    let normal = Vec3::from(light.normal);
+    let front = (normal * low).max(normal * high).element_sum();
+    let [constant, slope] = light.reach_behind;
+    if front <= 0.0 && front * front >= constant + slope * farthest_sq {
+        return false;
+    }
+    // The same for n·(p − x), n anywhere in the bounds of the normals.
+    let [n0, n1] = bounds.normal;
+    let facing = (n0 * -low).max(n0 * -high).max((n1 * -low).max(n1 * -high)).element_sum();
+    facing > 0.0 || facing * facing < light.reach_below
 }
