@@ -18,7 +18,8 @@ def load(path, layer=None):
             data = np.frombuffer(file.read(), "<f4" if scale < 0 else ">f4")
         return data.reshape(int(size[1]), int(size[0]), 3 if kind == b"PF" else 1)[::-1].astype(np.float64)
     import mitsuba as mi
-    mi.set_variant("scalar_rgb")
+    if mi.variant() is None:
+        mi.set_variant("scalar_rgb")
     bitmap = mi.Bitmap(str(path))
     names = [bitmap.struct_()[i].name for i in range(bitmap.channel_count())]
     wanted = [f"{layer}.{c}" if layer else c for c in "RGB"]

@@ -184,7 +184,7 @@ impl Renderer {
             let evals = gathered.evals.iter().map(|&e| u64::from(e)).sum();
             (gathered, evals)
         });
-        self.filter_ratio(&mut gathered, receivers, settings, clock);
+        self.filter_ratio(&mut gathered, settings.shadow.rays, receivers, settings, clock);
         gathered
     }
 
@@ -257,7 +257,7 @@ impl Renderer {
             (gathered, u64::from(rays))
         });
         if settings.method != Method::Brute {
-            self.filter_ratio(&mut gathered, receivers, settings, clock);
+            self.filter_ratio(&mut gathered, rays, receivers, settings, clock);
         }
         gathered
     }
@@ -266,6 +266,7 @@ impl Renderer {
     fn filter_ratio(
         &self,
         gathered: &mut Gathered,
+        rays: u32,
         receivers: &Receivers,
         settings: &Settings,
         clock: &mut Clock<'_>,
@@ -274,7 +275,7 @@ impl Renderer {
             return;
         }
         gathered.shadow_ratio = clock.run("filter", || {
-            let ratio = filter::atrous(&gathered.shadow_ratio, receivers, &settings.filter);
+            let ratio = filter::atrous(&gathered.shadow_ratio, rays, receivers, &settings.filter);
             (ratio, u64::from(settings.filter.passes))
         });
     }
