@@ -15,10 +15,12 @@ keys = ["vpls", "levels", "grid_lights", "evals", "unshadowed_rmse", "unshadowed
 print(",".join(sys.argv[1:3] + [f"{r[k]:.4g}" if isinstance(r[k], float) else str(r[k]) for k in keys]))
 ' "$(basename "$shot" .json)" "$variant"
   done <<'VARIANTS'
+default --set seed=0
 default-mean --set shadow.estimate=mean
-default-weighted --set shadow.estimate=weighted
+alpha1 --set grid.alpha=1
 alpha1-mean --set grid.alpha=1 --set shadow.estimate=mean
-alpha1-weighted --set grid.alpha=1 --set shadow.estimate=weighted
+alpha1-point --set grid.alpha=1 --set grid.spread=false
+alpha1.5-point --set grid.alpha=1.5 --set grid.spread=false
 paper-alpha1 --preset paper
 paper-alpha2 --preset paper --set grid.alpha=2
 VARIANTS

@@ -45,6 +45,8 @@ pub struct Quality {
     pub unshadowed: GatherError,
     /// Irradiance with visibility.
     pub shadowed: GatherError,
+    /// Share of the shadowed irradiance of all lights that the distance clamp removes.
+    pub clamp_loss: f64,
     /// Grid lights over all levels.
     pub grid_lights: usize,
     /// Levels.
@@ -125,11 +127,16 @@ pub fn quality(
         };
         lit.iter().zip(&truth).map(pair).collect()
     };
+    let total = |of: fn(&brute::BruteSum) -> Vec3| -> f64 {
+        truth.iter().map(|t| f64::from(luminance(of(t)))).sum::<f64>()
+    };
+    let (kept, unclamped) = (total(|t| t.shadowed), total(|t| t.unclamped));
     let evals = lit.iter().map(|&i| f64::from(gathered.evals[i])).sum::<f64>();
     Quality {
         evals: evals / lit.len().max(1) as f64,
         unshadowed: GatherError::new(&pairs(false)),
         shadowed: GatherError::new(&pairs(true)),
+        clamp_loss: if unclamped > 0.0 { 1.0 - kept / unclamped } else { 0.0 },
         grid_lights: lighting_grid.light_count(),
         levels: lighting_grid.levels.len(),
         vpls: lights.len(),
