@@ -2,7 +2,7 @@
 
 use crate::args::BenchArgs;
 use crate::render::{self, render_with_bar};
-use crate::{Failure, Outcome};
+use crate::{Failure, Outcome, memory, output};
 use manylight::bench::{self, Quality, RayBatch};
 use manylight::gather::grid::{DETAIL, LightingGrid};
 use manylight::{Renderer, Settings};
@@ -10,11 +10,21 @@ use serde_json::{Value, json};
 use std::io::Write;
 use std::time::Instant;
 
+/// Most receivers of `--quality`; each takes a tile of the picture.
+const MAX_RECEIVERS: usize = 20_000;
+/// Endings of the files of `--dump-rays`: triangles, rays.
+const DUMPS: [&str; 2] = ["tri", "ray"];
 /// Runs of a timing that is not a whole frame.
 const RUNS: usize = 7;
 
 /// Runs the command.
 pub fn run(args: &BenchArgs) -> Result<Outcome, Failure> {
+    if let Some(receivers) = args.quality.filter(|n| !(1..=MAX_RECEIVERS).contains(n)) {
+        return Err(format!("--quality {receivers}: use 1 to {MAX_RECEIVERS} receivers").into());
+    }
+    let dumps: Vec<_> =
+        args.dump_rays.iter().flat_map(|p| DUMPS.map(|end| p.with_extension(end))).collect();
+    output::check(&dumps, &DUMPS)?;
     render::use_threads(&args.settings)?;
     let default = ["builtin:atrium".to_owned()];
     let scenes = if args.scenes.is_empty() { &default[..] } else { &args.scenes[..] };
@@ -23,6 +33,7 @@ pub fn run(args: &BenchArgs) -> Result<Outcome, Failure> {
         let shot = render::load(scene, args.json)?;
         let settings = render::settings(&args.settings, &shot)?;
         let size = render::size(&args.settings, &shot.camera)?;
+        memory::check_render(size, &settings)?;
         let camera = shot.camera.clone();
         let renderer = Renderer::new(shot.scene)?;
         let report = if let Some(receivers) = args.quality {
@@ -82,10 +93,10 @@ fn rays(
 ) -> Result<Value, Failure> {
     let batch = RayBatch::new(renderer, camera, size, settings);
     if let Some(path) = &args.dump_rays {
-        let bytes =
-            |values: &[f32]| values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<_>>();
-        std::fs::write(path.with_extension("tri"), bytes(&batch.triangles(renderer)))?;
-        std::fs::write(path.with_extension("ray"), bytes(&batch.to_floats()))?;
+        for (end, values) in DUMPS.iter().zip([batch.triangles(renderer), batch.to_floats()]) {
+            let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+            output::write_bytes(&bytes, &path.with_extension(end))?;
+        }
     }
     let mut times = Vec::new();
     let mut occluded = 0;
@@ -145,7 +156,7 @@ fn frames(
     for (name, mut times) in stages {
         report.insert(name.to_owned(), spread(&mut times));
     }
-    report.insert("peak_memory_mib".to_owned(), json!(peak_memory_mib()));
+    report.insert("peak_memory_mib".to_owned(), json!(memory::find_peak_mib()));
     Ok(Value::Object(report))
 }
 
@@ -153,12 +164,4 @@ fn frames(
 fn median(times: &mut [f64]) -> f64 {
     times.sort_by(f64::total_cmp);
     times[times.len() / 2]
-}
-
-/// Largest resident size of this process so far, where the system tells.
-fn peak_memory_mib() -> Option<f64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find(|l| l.starts_with("VmHWM:"))?;
-    let kib: f64 = line.split_whitespace().nth(1)?.parse().ok()?;
-    Some(kib / 1024.0)
 }

@@ -9,9 +9,15 @@ use std::io::Write;
 /// Runs the command.
 pub fn run(args: &CompareArgs) -> Result<Outcome, Failure> {
     output::check(args.output.as_slice(), &["png"])?;
+    check_limits(args)?;
     let (a, b) = (read_picture(&args.a)?, read_picture(&args.b)?);
     let (a, b) = (layer(&a, args, &args.a)?, layer(&b, args, &args.b)?);
     let errors = compare(a, b)?;
+    if errors.nonfinite_count == a.width * a.height {
+        let (a, b) = (args.a.display(), args.b.display());
+        let problem = "no pixel is finite in both pictures; render them again";
+        return Err(format!("cannot compare {a} with {b}: {problem}").into());
+    }
     if let Some(path) = &args.output {
         let flip = flip_hdr(a, b)?;
         let rgb = heatmap(&flip, 0.0, 1.0)?;
@@ -49,7 +55,31 @@ pub fn run(args: &CompareArgs) -> Result<Outcome, Failure> {
         let limit = limit.unwrap_or_default();
         writeln!(std::io::stderr(), "manylight: {name} {value:.6} is above the limit {limit}")?;
     }
-    Ok(if failed.is_empty() { Outcome::Done } else { Outcome::CheckFailed })
+    // Whoever sets limits wants a sound picture: pixels that were left out are no success.
+    let is_unsound = errors.nonfinite_count > 0 && rows.iter().any(|r| r.3.is_some());
+    if is_unsound {
+        let count = errors.nonfinite_count;
+        writeln!(std::io::stderr(), "manylight: {count} pixels are not finite")?;
+    }
+    let all_well = failed.is_empty() && !is_unsound;
+    Ok(if all_well { Outcome::Done } else { Outcome::CheckFailed })
+}
+
+/// Refuses limits that nothing can meet or miss.
+fn check_limits(args: &CompareArgs) -> Result<(), Failure> {
+    let limits = [
+        ("--max-flip", args.max_flip),
+        ("--max-rel-mse", args.max_rel_mse),
+        ("--max-rmse", args.max_rmse),
+        ("--max-mape", args.max_mape),
+        ("--max-bias", args.max_bias),
+    ];
+    for (name, limit) in limits {
+        if let Some(limit) = limit.filter(|l| l.is_nan() || *l < 0.0) {
+            return Err(format!("{name} {limit}: use a number of 0 or more").into());
+        }
+    }
+    Ok(())
 }
 
 fn layer<'a>(

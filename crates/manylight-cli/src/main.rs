@@ -4,6 +4,7 @@ mod args;
 mod bench;
 mod compare;
 mod info;
+mod memory;
 mod output;
 mod render;
 
@@ -51,10 +52,24 @@ fn main() -> ExitCode {
         Ok(Outcome::CheckFailed) => ExitCode::from(EXIT_CHECK_FAILED),
         Err(e) if is_broken_pipe(&*e) => ExitCode::SUCCESS,
         Err(e) => {
-            let _ = writeln!(std::io::stderr(), "manylight: {e}");
+            let _ = writeln!(std::io::stderr(), "manylight: {}", describe(&*e));
             ExitCode::from(EXIT_ERROR)
         }
     }
+}
+
+/// Longest message, characters; names in arguments and files have no limit.
+const MAX_MESSAGE_CHARS: usize = 1500;
+
+/// An error in one line, whatever names it repeats.
+fn describe(error: &(dyn std::error::Error + 'static)) -> String {
+    // Files have errors of their own; a bare one comes from printing results.
+    let text = match error.downcast_ref::<std::io::Error>() {
+        Some(e) => format!("cannot print the result: {e}; check where the output is sent"),
+        None => error.to_string(),
+    };
+    let visible = |c: char| if c.is_control() { ' ' } else { c };
+    text.chars().take(MAX_MESSAGE_CHARS).map(visible).collect()
 }
 
 /// A reader that had enough, as in `manylight … | head`.

@@ -40,6 +40,26 @@ pub fn picture(frame: &Frame, metadata: Vec<(String, String)>) -> LayeredImage {
     }
 }
 
+/// Refuses two outputs under one name, of which only the later would remain.
+pub fn check_distinct<'a>(paths: impl Iterator<Item = &'a PathBuf>) -> Result<(), Failure> {
+    let mut known = Vec::new();
+    for path in paths {
+        let place = path.parent().map(|p| folder_or_here(p).canonicalize()).transpose();
+        let place = (place.ok().flatten(), path.file_name());
+        if known.contains(&place) {
+            let shown = path.display();
+            return Err(format!("{shown} is named twice; give each output its own name").into());
+        }
+        known.push(place);
+    }
+    Ok(())
+}
+
+/// The folder of a relative name without one is the current folder.
+fn folder_or_here(folder: &Path) -> &Path {
+    if folder.as_os_str().is_empty() { Path::new(".") } else { folder }
+}
+
 /// Refuses outputs that could not be written later, before any work is done.
 pub fn check(paths: &[PathBuf], allowed: &[&str]) -> Result<(), Failure> {
     for path in paths {
@@ -52,14 +72,29 @@ pub fn check(paths: &[PathBuf], allowed: &[&str]) -> Result<(), Failure> {
         if path.is_dir() {
             return Err(format!("cannot write {shown}: it is a folder; name a file in it").into());
         }
-        let parent = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        if let Err(e) = path.symlink_metadata()
+            && e.kind() == std::io::ErrorKind::InvalidFilename
+        {
+            return Err(format!("cannot write {shown}: {e}; choose a shorter name").into());
+        }
+        let parent = path.parent().map_or(Path::new("."), folder_or_here);
         // Creating a file is the only test that covers rights, read-only disks and full ones.
         let probe = parent.join(format!(".manylight-{}.tmp", std::process::id()));
         std::fs::write(&probe, b"manylight").map_err(|e| {
             format!("cannot write {shown}: {e}; choose a folder that exists and is writable")
         })?;
-        std::fs::remove_file(&probe)?;
+        std::fs::remove_file(&probe)
+            .map_err(|e| format!("cannot remove {}: {e}; remove it", probe.display()))?;
     }
+    Ok(())
+}
+
+/// Writes a file that appears whole or not at all.
+pub fn write_bytes(bytes: &[u8], path: &Path) -> Result<(), Failure> {
+    manylight_image::write_atomic(path, |sink| {
+        let failed = |source| manylight_image::Error::Write { path: path.to_owned(), source };
+        sink.write_all(bytes).map_err(failed)
+    })?;
     Ok(())
 }
 

@@ -1,7 +1,7 @@
 //! `manylight render`
 
 use crate::args::{Backend, RenderArgs, SettingArgs};
-use crate::{Failure, Outcome, output};
+use crate::{Failure, Outcome, memory, output};
 use indicatif::{ProgressBar, ProgressStyle};
 use manylight::{Frame, Renderer, Settings};
 use manylight_scene::{Camera, Shot};
@@ -69,6 +69,7 @@ pub fn load(path: &str, quiet: bool) -> Result<Shot, Failure> {
 pub fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     output::check(&args.output, &["exr", "png", "pfm"])?;
     output::check(args.heatmap.as_slice(), &["png"])?;
+    output::check_distinct(args.output.iter().chain(&args.heatmap))?;
     if args.backend == Backend::Gpu {
         return Err("this build has no GPU backend; use --backend cpu".into());
     }
@@ -80,6 +81,7 @@ pub fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
         settings.set("method", method)?;
     }
     let size = size(&args.settings, &shot.camera)?;
+    memory::check_render(size, &settings)?;
     let scene_hash = hash_of(&shot);
     let camera = shot.camera.clone();
     let load_ms = start.elapsed().as_secs_f64() * 1e3;
@@ -90,6 +92,9 @@ pub fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     let frame = render_with_bar(&renderer, &camera, size, &settings, args.quiet)?;
     let render_ms = start.elapsed().as_secs_f64() * 1e3;
 
+    if let Some(reason) = find_reason_of_black(&frame).filter(|_| !args.quiet) {
+        let _ = writeln!(std::io::stderr(), "warning: {reason}");
+    }
     let mut metadata = metadata(&settings, &camera, args, render_ms);
     metadata.push(("manylight.sceneHash".to_owned(), format!("{scene_hash:016x}")));
     let picture = output::picture(&frame, metadata);
@@ -116,6 +121,23 @@ pub fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
         print_table(&frame, &times, size)?;
     }
     Ok(Outcome::Done)
+}
+
+/// Why a picture shows nothing, if it does.
+fn find_reason_of_black(frame: &Frame) -> Option<&'static str> {
+    let layers = &frame.layers;
+    if layers.beauty().iter().any(|color| color.max_element() > 0.0) {
+        return None;
+    }
+    Some(match layers.depth.iter().any(|depth| depth.is_finite()) {
+        true => {
+            "the picture is black: no light reaches what the camera sees; move the camera out of \
+             walls, or add a light"
+        }
+        false => {
+            "the picture is black: the camera sees no surface; turn it toward the scene, or move it"
+        }
+    })
 }
 
 /// Renders with a progress bar on a terminal.

@@ -18,6 +18,14 @@ impl Folder {
         self.0.join(name).display().to_string()
     }
 
+    /// A picture of 2 × 2 pixels.
+    fn pfm(&self, name: &str, values: [f32; 12]) -> String {
+        let raster =
+            manylight_image::Raster { width: 2, height: 2, channels: 3, data: values.into() };
+        manylight_image::write_pfm(&raster, &self.0.join(name)).expect("temporary file");
+        self.file(name)
+    }
+
     fn write(&self, name: &str, text: &str) -> String {
         std::fs::write(self.0.join(name), text).expect("temporary file");
         self.file(name)
@@ -100,7 +108,20 @@ fn bad_input_is_one_sentence_and_exit_code_2() {
         folder.write("set.json", r#"{"scene":"builtin:cornell","settings":{"grid":{"alfa":1}}}"#);
     let empty = folder.write("empty.glb", "");
     let noise = folder.write("noise.gltf", "\u{1}\u{2}{{{");
+    let wrong_value = folder
+        .write("value.json", r#"{"scene":"builtin:cornell","settings":{"vpls":{"count":-1}}}"#);
+    let text_file = folder.write("text.exr", "hello");
+    let dark = folder.pfm("dark.pfm", [0.0; 12]);
+    let lost = folder.pfm("lost.pfm", [f32::NAN; 12]);
+    let wide = folder.write("wide.pfm", "Pf\n3 1\n-1.0\n0123456789ab");
     let missing_folder = folder.file("no/such/folder/a.png");
+    let own_folder = folder.0.display().to_string();
+    let folder_png = folder.file("folder.png");
+    std::fs::create_dir(&folder_png).expect("a folder");
+    let same = format!("{own_folder}/../{}/out.png", folder.0.file_name().unwrap().display());
+    let long_name = folder.file(&format!("{}.png", "n".repeat(300)));
+    let huge_path = format!("{}=1", "a.".repeat(50_000));
+    let dumped = folder.file("no/rays");
     let cornell = "builtin:cornell";
     let cases: Vec<(Vec<&str>, &str)> = vec![
         (vec!["render", "no-such.glb", "-o", &out], "no-such.glb"),
@@ -112,10 +133,20 @@ fn bad_input_is_one_sentence_and_exit_code_2() {
         (vec!["render", cornell, "-o", &missing_folder], "folder"),
         (vec!["render", cornell, "-o", "/proc/a.png"], "/proc/a.png"),
         (vec!["render", cornell, "-o", "a.bmp"], ".exr or .png"),
+        (vec!["render", cornell, "-o", "/dev/full"], ".exr or .png"),
+        (vec!["render", cornell, "-o", &folder_png], "it is a folder"),
+        (vec!["render", cornell, "-o", &long_name], "choose a shorter name"),
+        (vec!["render", cornell, "-o", &out, "-o", &out], "named twice"),
+        (vec!["render", cornell, "-o", &out, "-o", &same], "named twice"),
+        (vec!["render", cornell, "-o", &out, "--heatmap", &out], "named twice"),
+        (vec!["render", "", "-o", &out], "the name is empty"),
+        (vec!["render", &own_folder, "-o", &out], "not a file"),
+        (vec!["render", &wrong_value, "-o", &out], "vpls.count: -1 found"),
         (vec!["render", cornell, "-o", &out, "--size", "0x4"], "--size 0x4"),
         (vec!["render", cornell, "-o", &out, "--size", "999999x999999"], "pixels"),
         (vec!["render", cornell, "-o", &out, "--size", "big"], "WIDTHxHEIGHT"),
         (vec!["render", cornell, "-o", &out, "--threads", "0"], "--threads 0"),
+        (vec!["render", cornell, "-o", &out, "--threads", "100000"], "use 1 to 1024"),
         (vec!["render", cornell, "-o", &out, "--method", "magic"], "magic"),
         (vec!["render", cornell, "-o", &out, "--preset", "best"], "balanced"),
         (vec!["render", cornell, "-o", &out, "--set", "grid.alpha"], "PATH=VALUE"),
@@ -125,9 +156,23 @@ fn bad_input_is_one_sentence_and_exit_code_2() {
         (vec!["render", cornell, "-o", &out, "--set", "vpls.count=0"], "vpls.count"),
         (vec!["render", cornell, "-o", &out, "--set", "vpls.count=1e12"], "vpls.count"),
         (vec!["render", cornell, "-o", &out, "--set", "no.such=1"], "no"),
+        (vec!["render", cornell, "-o", &out, "--set", &huge_path], "setting a: unknown"),
+        (vec!["render", cornell, "-o", &out, "--set", "grid.al\nfa\u{1b}[2J=1"], "unknown"),
+        (vec!["render", cornell, "-o", &out, "--method", "a\nb"], "one of `grid`"),
         (vec!["render", cornell, "-o", &out, "--backend", "gpu"], "--backend cpu"),
         (vec!["compare", "no-a.exr", "no-b.exr"], "no-a.exr"),
+        (vec!["compare", &dark, &text_file], "text.exr"),
+        (vec!["compare", &dark, &own_folder], "directory"),
+        (vec!["compare", &dark, &wide], "render both at one size"),
+        (vec!["compare", &dark, &lost], "no pixel is finite"),
+        (vec!["compare", &dark, &dark, "--layer", "direct"], "its layers: none"),
+        (vec!["compare", &dark, &dark, "--max-flip", "nan"], "--max-flip NaN"),
+        (vec!["compare", &dark, &dark, "--max-bias=-1"], "0 or more"),
+        (vec!["compare", &dark, &dark, "-o", &missing_folder], "folder"),
         (vec!["info", &empty], "empty.glb"),
+        (vec!["bench", cornell, "--quality", "0"], "use 1 to"),
+        (vec!["bench", cornell, "--quality", "18446744073709551615"], "use 1 to"),
+        (vec!["bench", cornell, "--dump-rays", &dumped], "folder"),
         (vec!["bench", cornell, "--set", "vpls.bounces=0"], "vpls.bounces"),
     ];
     for (args, expected) in cases {
@@ -140,7 +185,73 @@ fn bad_input_is_one_sentence_and_exit_code_2() {
         assert!(!Path::new(&out).exists(), "{args:?} left a picture");
     }
     let left: Vec<_> = std::fs::read_dir(&folder.0).expect("folder").flatten().collect();
-    assert_eq!(left.len(), 4, "only the inputs remain: {left:?}");
+    assert_eq!(left.len(), 10, "only the inputs remain: {left:?}");
+}
+
+#[test]
+fn a_picture_with_lost_pixels_meets_no_limit() {
+    let folder = Folder::new("lost");
+    let whole = folder.pfm("whole.pfm", [0.5; 12]);
+    let mut values = [0.5; 12];
+    values[4] = f32::INFINITY;
+    let damaged = folder.pfm("damaged.pfm", values);
+    assert!(manylight(&["compare", &damaged, &whole]).status.success());
+    let judged = manylight(&["compare", &damaged, &whole, "--max-flip", "1"]);
+    assert_eq!(judged.status.code(), Some(1));
+    assert!(text(&judged.stderr).contains("1 pixels are not finite"), "{}", text(&judged.stderr));
+}
+
+#[test]
+fn a_camera_that_sees_nothing_makes_a_black_picture_with_a_warning() {
+    let folder = Folder::new("black");
+    // The room is closed: from inside the floor and from outside, looking away, all is dark.
+    let away = r#"{"position": [0, 1, 90], "target": [0, 1, 99], "vfov_deg": 40}"#;
+    let in_wall = r#"{"position": [0, -0.001, 0], "target": [0, -1, 0.1], "vfov_deg": 40}"#;
+    for (name, camera) in [("away", away), ("in_wall", in_wall)] {
+        let shot = format!(r#"{{"scene": "builtin:cornell", "camera": {camera}}}"#);
+        let shot = folder.write(&format!("{name}.json"), &shot);
+        for method in ["grid", "brute", "path", "direct"] {
+            let out = folder.file(&format!("{name}-{method}.png"));
+            let args = ["render", &shot, "-o", &out, "--method", method, "--set", "path.spp=1"];
+            let output = manylight(&[&args[..], &QUICK].concat());
+            let message = text(&output.stderr);
+            assert!(output.status.success() && Path::new(&out).exists(), "{message}");
+            assert!(message.contains("warning: the picture is black"), "{name}: {message}");
+        }
+    }
+}
+
+/// Every way a full disk shows itself: nothing half-written, the earlier picture kept.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_leaves_the_earlier_picture() {
+    let folder = Folder::new("full");
+    let out = folder.write("out.exr", "earlier");
+    let link = folder.file("link.png");
+    std::os::unix::fs::symlink("/dev/full", &link).expect("a link");
+    let program = env!("CARGO_BIN_EXE_manylight");
+    let sized = r#"trap '' XFSZ; ulimit -f 8; exec "$@""#; // files end after 4 or 8 KiB
+    let plain = r#"exec "$@""#;
+    let cases = [
+        (sized, vec!["render", "builtin:cornell", "-q", "-o", &out], "cannot write"),
+        (plain, vec!["render", "builtin:cornell", "-q", "-o", &link], "No space left"),
+        (r#"exec "$@" > /dev/full"#, vec!["info", "builtin:cornell"], "cannot print the result"),
+    ];
+    for (script, args, expected) in cases {
+        let quick: &[&str] = if args[0] == "render" { &QUICK } else { &[] };
+        let output = Command::new("sh")
+            .args(["-c", script, "sh", program])
+            .args(args)
+            .args(quick)
+            .output()
+            .expect("a shell");
+        let message = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{script}: {message}");
+        assert!(message.contains(expected), "{script}: {message}");
+        assert_eq!(message.trim_end().lines().count(), 1, "{message}");
+        assert_eq!(std::fs::read(&out).expect("the earlier file"), b"earlier");
+    }
+    assert_eq!(std::fs::read_dir(&folder.0).expect("folder").count(), 2, "no temporary file");
 }
 
 #[test]

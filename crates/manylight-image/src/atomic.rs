@@ -1,6 +1,5 @@
 //! Files that appear whole or not at all.
 
-use std::ffi::OsString;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
@@ -54,12 +53,13 @@ fn fill(
 /// Creates a new hidden file beside the target.
 fn create_temporary(target: &Path) -> io::Result<(File, PathBuf)> {
     static COUNTER: AtomicU64 = AtomicU64::new(0);
-    let name = target.file_name().ok_or_else(|| io::Error::from(io::ErrorKind::InvalidFilename))?;
+    if target.file_name().is_none() {
+        return Err(io::ErrorKind::InvalidFilename.into());
+    }
     loop {
-        let mut hidden = OsString::from(".");
-        hidden.push(name);
-        hidden.push(format!(".{}-{}.tmp", process::id(), COUNTER.fetch_add(1, Ordering::Relaxed)));
-        let temporary = target.with_file_name(hidden);
+        // Not made from the target's name, which may be as long as names can be.
+        let count = COUNTER.fetch_add(1, Ordering::Relaxed);
+        let temporary = target.with_file_name(format!(".manylight-{}-{count}.tmp", process::id()));
         match OpenOptions::new().write(true).create_new(true).open(&temporary) {
             Err(error) if error.kind() == io::ErrorKind::AlreadyExists => continue,
             opened => return opened.map(|file| (file, temporary)),
@@ -110,6 +110,14 @@ mod tests {
         assert!(failed.is_err());
         assert_eq!(fs::read(&path).unwrap(), b"old");
         assert_eq!(folder.file_count(), 1);
+    }
+
+    #[test]
+    fn the_longest_name_is_written() {
+        let folder = Folder::new();
+        let path = folder.path(&"n".repeat(255));
+        write_atomic(&path, |_| Ok(())).unwrap();
+        assert!(path.exists());
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Environment maps from `.hdr` and `.exr` files.
 //!
 //! In: a file · Out: [`SkyMap`] with the scale applied; bad texels become black and are counted.
-//! Limits: at most 32768 texels a side and 2²⁷ texels.
+//! Limits: at most 32768 texels a side and 2²⁷ texels; no B44 compression, no deep data.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -85,6 +85,14 @@ fn decode_exr(name: &str, bytes: &[u8]) -> Result<Texels, Error> {
         exr::meta::MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(broken)?;
     for header in &meta.headers {
         check_size(name, header.layer_size.0, header.layer_size.1)?;
+        if let exr::meta::BlockDescription::Tiles(tiles) = header.blocks {
+            check_size(name, tiles.tile_size.0, tiles.tile_size.1)?;
+        }
+        // The decoder's arithmetic overflows on damaged blocks of this kind.
+        if matches!(header.compression, ex::Compression::B44 | ex::Compression::B44A) {
+            let problem = "its compression B44 is not supported; save the map with ZIP";
+            return Err(Error::invalid(name, problem));
+        }
     }
     let new_image = |size: ex::Vec2<usize>, _: &_| {
         Texels::from(([size.0, size.1], vec![Vec3::ZERO; size.area()]))
@@ -102,6 +110,7 @@ fn decode_exr(name: &str, bytes: &[u8]) -> Result<Texels, Error> {
         .rgba_channels(new_image, set)
         .first_valid_layer()
         .all_attributes()
+        .non_parallel() // a panic in a worker of the decoder would abort the whole process
         .from_buffered(Cursor::new(bytes))
         .map_err(broken)?;
     Ok(image.layer_data.channel_data.pixels)

@@ -49,6 +49,7 @@ fn wrong_fields_are_refused_with_their_place() {
         ("/scenes/0/nodes", json!([]), "no triangles"),
         ("/scenes/0/extras", json!({"sky_radiance": [1, 2]}), "3 finite numbers"),
         ("/scenes/0/extras", json!({"sky_radiance": [1, -2, 0]}), "0 or more"),
+        ("/scenes/0/extras", json!({"sky_radiance": [1, 1e16, 0]}), "up to 1e15"),
         ("/nodes", json!({}), "nodes: an object found where a list"),
         ("/nodes/0/children", json!([0]), "cycle"),
         ("/nodes", json!([{"children": [1]}, {"children": [0]}]), "cycle"),
@@ -136,6 +137,7 @@ fn wrong_fields_are_refused_with_their_place() {
         ("/buffers/0/uri", json!("data:text/plain,hello"), "not base64"),
         ("/materials", json!([{"alphaMode": "GLOW"}]), "OPAQUE, MASK, BLEND"),
         ("/materials", json!([{"emissiveFactor": [1e300, 0, 0]}]), "single precision"),
+        ("/materials", json!([{"emissiveFactor": [0, 1e16, 0]}]), "beyond 1e15"),
         ("/materials", json!([{"normalTexture": {}}]), "`index` is missing"),
         ("/materials", json!([{"normalTexture": {"index": 0}}]), "textures[0] does not exist"),
         ("/materials", json!(["red"]), "materials[0]: the text"),
@@ -215,6 +217,34 @@ fn small_files_cannot_ask_for_large_scenes() {
     let instancing = json!({"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": t}}});
     glb.json["nodes"][0]["extensions"] = instancing;
     assert_refused("implicit instances", glb.try_load(), "far beyond");
+    // Many primitives that copy one vertex list.
+    let mut glb = Glb::with_positions(&TRIANGLE.repeat(1000));
+    let primitive = glb.json["meshes"][0]["primitives"][0].clone();
+    glb.json["meshes"][0]["primitives"] = json!(vec![primitive; 2000]);
+    assert_refused("copied vertices", glb.try_load(), "bytes of geometry are far beyond");
+    // Many primitives that each read one list of sparse values.
+    let mut glb = Glb::triangle();
+    let count = 30_000;
+    let all: Vec<u8> = (0..count as u32).flat_map(u32::to_le_bytes).collect();
+    let (indices, values) = (glb.view(&all), glb.view(&vec![0; count * 12]));
+    glb.json["accessors"][0] = json!({
+        "componentType": F32, "type": "VEC3", "count": count, "sparse": {
+            "count": count,
+            "indices": {"bufferView": indices, "componentType": U32},
+            "values": {"bufferView": values},
+        },
+    });
+    let corners = glb.accessor(&u16s(&[0, 1, 2]), U16, 3, "SCALAR");
+    let primitive = json!({"attributes": {"POSITION": 0}, "indices": corners});
+    glb.json["meshes"][0]["primitives"] = json!(vec![primitive; 20_000]);
+    assert_refused("sparse values", glb.try_load(), "bytes of geometry are far beyond");
+    // Many images of one small file.
+    let mut glb = Glb::triangle();
+    let view = glb.view(&encode_png(4096, 4096, &vec![0; 1 << 26]));
+    glb.json["images"] = json!(vec![json!({"bufferView": view}); 24]);
+    glb.json["textures"] = (0..24).map(|i| json!({"source": i})).collect();
+    glb.json["materials"] = (0..24).map(|i| json!({"normalTexture": {"index": i}})).collect();
+    assert_refused("copied images", glb.try_load(), "bytes of images are far beyond");
     // A chain of nodes deeper than the limit.
     let mut glb = Glb::triangle();
     let chain = (0..5000).map(|i| json!({"children": [i + 1]}));

@@ -222,11 +222,40 @@ impl Settings {
     ///
     /// Errors: names the unknown key or the value of the wrong type.
     pub fn apply(&mut self, object: &Map<String, Value>) -> Result<(), Error> {
-        let mut whole = self.to_json();
-        merge(&mut whole, object, "")?;
-        *self = serde_json::from_value(Value::Object(whole))
-            .map_err(|e| setting("settings", format!("{e}; see `manylight render --help`")))?;
+        let mut whole = Value::Object(self.to_json());
+        let mut leaves = Vec::new();
+        find_leaves(&self.to_json(), object, "", &mut leaves)?;
+        let mut applied = self.clone();
+        // One by one, so that an error knows its path.
+        for (path, value) in leaves {
+            if let Some(slot) = whole.pointer_mut(&format!("/{}", path.replace('.', "/"))) {
+                *slot = value.clone();
+            }
+            let is_single = value.as_f64().is_none_or(|x| (x as f32).is_finite());
+            applied = match serde_json::from_value(whole.clone()) {
+                Ok(settings) if is_single => settings,
+                Ok(_) => return Err(self.wrong_value(&path, value, "f32")),
+                Err(e) => return Err(self.wrong_value(&path, value, &e.to_string())),
+            };
+        }
+        *self = applied;
         Ok(())
+    }
+
+    /// Says what is allowed where `value` is not; `reason` names the type or the choices.
+    fn wrong_value(&self, path: &str, value: &Value, reason: &str) -> Error {
+        let range = self.ranges().into_iter().find(|r| r.0 == path);
+        let allowed = match (range, reason.split_once("one of ")) {
+            (Some((_, _, low, high)), _) if reason.ends_with("u32") => {
+                format!("a whole number from {low} to {high}")
+            }
+            (Some((_, _, low, high)), _) => format!("a number from {low} to {high}"),
+            (None, Some((_, choices))) => format!("one of {choices}"),
+            (None, None) if reason.ends_with("a boolean") => "true or false".to_owned(),
+            (None, None) => "a name".to_owned(),
+        };
+        let found: String = value.to_string().chars().take(40).collect();
+        setting(path, format!("{found} found; allowed: {allowed}"))
     }
 
     /// Sets one field by path, e.g. `set("grid.alpha", "1.5")`.
@@ -235,16 +264,13 @@ impl Settings {
     pub fn set(&mut self, path: &str, text: &str) -> Result<(), Error> {
         let value =
             serde_json::from_str(text).unwrap_or_else(|_| Value::String(text.trim().to_owned()));
-        let object = path.rsplit('.').fold(value, |inner, key| {
-            let mut map = Map::new();
-            map.insert(key.to_owned(), inner);
-            Value::Object(map)
-        });
-        let Value::Object(object) = object else { return Ok(()) };
-        self.apply(&object).map_err(|e| match e {
-            Error::Setting { path: at, problem } if at == "settings" => setting(path, problem),
-            other => other,
-        })
+        // Paths have two parts; the rest of a longer one is an unknown key, not a deeper nest.
+        let keys: Vec<&str> = path.splitn(3, '.').collect();
+        let nest = |inner, key: &&str| Value::Object(Map::from_iter([((*key).to_owned(), inner)]));
+        match keys.iter().rev().fold(value, nest) {
+            Value::Object(object) => self.apply(&object),
+            _ => Ok(()),
+        }
     }
 
     /// All settings as one JSON object.
@@ -259,58 +285,71 @@ impl Settings {
     ///
     /// Errors: the path of the first bad field, its value and what is allowed.
     pub fn validate(&self) -> Result<(), Error> {
-        let whole = |path, value: u32, low: u32, high: u32| match value {
-            v if v < low || v > high => {
-                Err(setting(path, format!("{value} is outside {low} to {high}")))
+        for (path, value, low, high) in self.ranges() {
+            // Not the other way round: NaN is in no range.
+            if !(low..=high).contains(&value) {
+                return Err(setting(path, format!("{value} is outside {low} to {high}")));
             }
-            _ => Ok(()),
-        };
-        let real = |path, value: f32, low: f32, high: f32| match value {
-            v if v.is_finite() && v >= low && v <= high => Ok(()),
-            _ => Err(setting(path, format!("{value} is outside {low} to {high}"))),
-        };
-        whole("vpls.count", self.vpls.count, 1, 16_000_000)?;
-        whole("vpls.emitter_count", self.vpls.emitter_count, 1, 16_000_000)?;
-        whole("vpls.bounces", self.vpls.bounces, 1, 64)?;
-        self.vpls.d_min.map_or(Ok(()), |d| real("vpls.d_min", d, 0.0, 1e6))?;
-        real("grid.alpha", self.grid.alpha, 0.25, 16.0)?;
-        self.grid.levels.map_or(Ok(()), |l| whole("grid.levels", l, 2, 14))?;
-        whole("grid.start_level", self.grid.start_level, 0, 1)?;
+        }
         if self.grid.lobes != 1 && self.grid.lobes != 6 {
             return Err(setting("grid.lobes", format!("{} is neither 1 nor 6", self.grid.lobes)));
         }
-        whole("shadow.rays", self.shadow.rays, 0, 256)?;
-        whole("shadow.start_level", self.shadow.start_level, 0, 14)?;
-        whole("filter.passes", self.filter.passes, 1, 8)?;
-        whole("path.spp", self.path.spp, 1, 1 << 20)?;
-        whole("film.samples", self.film.samples, 1, 4096)?;
-        self.film.exposure_ev.map_or(Ok(()), |e| real("film.exposure_ev", e, -40.0, 40.0))
+        Ok(())
+    }
+
+    /// Path, value, least and most of every number; what is left to the program is in its range.
+    fn ranges(&self) -> [(&'static str, f64, f64, f64); 15] {
+        let Self { vpls, grid, shadow, film, .. } = self;
+        [
+            ("seed", self.seed.into(), 0.0, u32::MAX.into()),
+            ("vpls.count", vpls.count.into(), 1.0, 16e6),
+            ("vpls.emitter_count", vpls.emitter_count.into(), 1.0, 16e6),
+            ("vpls.bounces", vpls.bounces.into(), 1.0, 64.0),
+            ("vpls.d_min", vpls.d_min.unwrap_or(0.0).into(), 0.0, 1e6),
+            ("grid.alpha", grid.alpha.into(), 0.25, 16.0),
+            ("grid.levels", grid.levels.unwrap_or(2).into(), 2.0, 14.0),
+            ("grid.start_level", grid.start_level.into(), 0.0, 1.0),
+            ("grid.lobes", grid.lobes.into(), 1.0, 6.0),
+            ("shadow.rays", shadow.rays.into(), 0.0, 256.0),
+            ("shadow.start_level", shadow.start_level.into(), 0.0, 14.0),
+            ("filter.passes", self.filter.passes.into(), 1.0, 8.0),
+            ("path.spp", self.path.spp.into(), 1.0, 1_048_576.0),
+            ("film.samples", film.samples.into(), 1.0, 4096.0),
+            ("film.exposure_ev", film.exposure_ev.unwrap_or(0.0).into(), -40.0, 40.0),
+        ]
     }
 }
 
+/// Longest path or key kept in a message, characters; files set no limit.
+const MAX_PATH_CHARS: usize = 80;
+
 fn setting(path: &str, problem: String) -> Error {
-    Error::Setting { path: path.to_owned(), problem }
+    let path = path.chars().take(MAX_PATH_CHARS).flat_map(char::escape_debug).collect();
+    Error::Setting { path, problem }
 }
 
-/// Overlays `object` on `whole`, refusing keys that `whole` does not have.
-fn merge(
-    whole: &mut Map<String, Value>,
-    object: &Map<String, Value>,
+/// Collects the fields that `object` sets with their paths, refusing keys that `known` lacks.
+fn find_leaves<'a>(
+    known: &Map<String, Value>,
+    object: &'a Map<String, Value>,
     at: &str,
+    leaves: &mut Vec<(String, &'a Value)>,
 ) -> Result<(), Error> {
     for (key, value) in object {
         let path = if at.is_empty() { key.clone() } else { format!("{at}.{key}") };
-        let known = whole.keys().cloned().collect::<Vec<_>>().join(", ");
-        let Some(slot) = whole.get_mut(key) else {
-            return Err(setting(&path, format!("unknown; known here: {known}")));
-        };
-        match (slot, value) {
-            (Value::Object(inner), Value::Object(value)) => merge(inner, value, &path)?,
-            (Value::Object(inner), _) => {
-                let known = inner.keys().cloned().collect::<Vec<_>>().join(", ");
-                return Err(setting(&path, format!("is a group; set one of its fields: {known}")));
+        let list = |map: &Map<String, Value>| map.keys().cloned().collect::<Vec<_>>().join(", ");
+        match (known.get(key), value) {
+            (None, _) => {
+                return Err(setting(&path, format!("unknown; known here: {}", list(known))));
             }
-            (slot, value) => *slot = value.clone(),
+            (Some(Value::Object(inner)), Value::Object(value)) => {
+                find_leaves(inner, value, &path, leaves)?;
+            }
+            (Some(Value::Object(inner)), _) => {
+                let problem = format!("is a group; set one of its fields: {}", list(inner));
+                return Err(setting(&path, problem));
+            }
+            (Some(_), value) => leaves.push((path, value)),
         }
     }
     Ok(())
@@ -343,16 +382,34 @@ mod tests {
     fn bad_settings_name_their_path() {
         let cases = [
             ("grid.alpa", "1", "grid.alpa: unknown; known here: alpha"),
+            ("grid.al\npha", "1", "grid.al\\npha: unknown"),
+            ("grid.alpha.x.y.z", "1", "grid.alpha: {"),
+            ("", "1", "unknown; known here: method"),
             ("grid", "1", "grid: is a group"),
-            ("vpls.count", "many", "vpls.count"),
-            ("vpls.count", "-1", "vpls.count"),
-            ("vpls.count", "1e12", "vpls.count"),
-            ("method", "magic", "method"),
+            ("vpls.count", "many", "vpls.count: \"many\" found; allowed: a whole number from 1 to"),
+            ("vpls.count", "", "a whole number from 1 to 16000000"),
+            ("vpls.count", "-1", "vpls.count: -1 found"),
+            ("vpls.count", "1.5", "a whole number"),
+            ("vpls.count", "1e12", "a whole number"),
+            ("vpls.count", "null", "null found"),
+            ("vpls.d_min", "1e300", "a number from 0 to 1000000"),
+            ("grid.alpha", "NaN", "\"NaN\" found; allowed: a number from 0.25 to 16"),
+            ("grid.alpha", "1e300", "a number from 0.25 to 16"),
+            ("grid.alpha", "[1]", "a number from 0.25 to 16"),
+            ("seed", "-1", "a whole number from 0 to 4294967295"),
+            ("filter.enabled", "1", "allowed: true or false"),
+            ("method", "magic", "method: \"magic\" found; allowed: one of `grid`, `brute`"),
+            ("shadow.target", "3", "shadow.target"),
         ];
         for (path, text, expected) in cases {
-            let error = Settings::default().set(path, text).expect_err(path).to_string();
+            let mut s = Settings::default();
+            let error = s.set(path, text).expect_err(path).to_string();
             assert!(error.contains(expected), "{path}={text}: {error}");
+            assert_eq!(s, Settings::default(), "{path}={text} changed something");
         }
+        let object = serde_json::json!({"vpls": {"bounces": 2, "count": -1}});
+        let error = Settings::default().apply(object.as_object().expect("an object"));
+        assert!(error.expect_err("-1").to_string().contains("vpls.count: -1"));
         for (path, text) in [
             ("vpls.count", "0"),
             ("grid.alpha", "0"),

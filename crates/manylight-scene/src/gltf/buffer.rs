@@ -7,7 +7,7 @@ use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use super::Document;
+use super::{Budget, Document};
 use crate::Error;
 use crate::json::Item;
 
@@ -89,7 +89,7 @@ impl<'a> Resolver<'a> {
             let reason = match e {
                 Error::Read { reason, .. } | Error::Invalid { problem: reason, .. } => reason,
             };
-            uri.fail(format!("cannot read \"{shown}\": {reason}; put the file there"))
+            uri.fail(format!("cannot read \"{shown}\": {reason}"))
         })
     }
 }
@@ -97,7 +97,12 @@ impl<'a> Resolver<'a> {
 /// The bytes of a regular file of reasonable size.
 pub(crate) fn read_file(path: &Path) -> Result<Vec<u8>, Error> {
     let name = path.display().to_string();
-    let meta = std::fs::metadata(path).map_err(|e| Error::read(&name, e))?;
+    if name.is_empty() {
+        return Err(Error::read("\"\"", "the name is empty; give the path of a file"));
+    }
+    let unreadable =
+        |e: std::io::Error| Error::read(&name, format!("{e}; check the path and its permissions"));
+    let meta = std::fs::metadata(path).map_err(unreadable)?;
     if !meta.is_file() {
         return Err(Error::read(&name, "not a file; give the path of a file"));
     }
@@ -105,7 +110,7 @@ pub(crate) fn read_file(path: &Path) -> Result<Vec<u8>, Error> {
         let reason = format!("{} bytes; at most {MAX_FILE_BYTES} are read", meta.len());
         return Err(Error::read(&name, reason));
     }
-    std::fs::read(path).map_err(|e| Error::read(&name, e))
+    std::fs::read(path).map_err(unreadable)
 }
 
 /// `<type>;base64,<characters>` → bytes.
@@ -259,6 +264,7 @@ impl<'a> Accessor<'a> {
         doc: &'a Document<'_>,
         reference: &Item<'_>,
         types: &[&str],
+        budget: &mut Budget,
     ) -> Result<Self, Error> {
         let (_, item) = doc.follow(reference, "accessors")?;
         let within = |e: Error| match e {
@@ -267,10 +273,15 @@ impl<'a> Accessor<'a> {
             }
             other => other,
         };
-        Self::parse(doc, &item, types).map_err(within)
+        Self::parse(doc, &item, types, budget).map_err(within)
     }
 
-    fn parse(doc: &'a Document<'_>, item: &Item<'_>, types: &[&str]) -> Result<Self, Error> {
+    fn parse(
+        doc: &'a Document<'_>,
+        item: &Item<'_>,
+        types: &[&str],
+        budget: &mut Budget,
+    ) -> Result<Self, Error> {
         let code = item.required("componentType")?;
         let component = Component::from_code(code.whole()?).ok_or_else(|| {
             code.fail("unknown number format; allowed: 5120, 5121, 5122, 5123, 5125, 5126")
@@ -314,7 +325,7 @@ impl<'a> Accessor<'a> {
             None => None,
         };
         let sparse = match item.field("sparse")? {
-            Some(sparse) => Some(parse_sparse(doc, &sparse, count, element)?),
+            Some(sparse) => Some(parse_sparse(doc, &sparse, count, element, budget)?),
             None => None,
         };
         Ok(Self { count, width, component, normalized, base, sparse })
@@ -408,6 +419,7 @@ fn parse_sparse<'a>(
     sparse: &Item<'_>,
     count: usize,
     element: usize,
+    budget: &mut Budget,
 ) -> Result<(Vec<u32>, &'a [u8]), Error> {
     let sparse_count_item = sparse.required("count")?;
     let sparse_count = sparse_count_item.whole()?;
@@ -425,6 +437,8 @@ fn parse_sparse<'a>(
     };
     let size = component.byte_size();
     let bytes = slice_elements(&sparse_count_item, bytes, offset, sparse_count, size, size)?;
+    // Each use of the accessor reads them anew: the number of uses times their count is bounded.
+    budget.take::<u32>(sparse_count as u64, &sparse_count_item)?;
     let packed = Accessor {
         count: sparse_count,
         width: 1,

@@ -5,7 +5,7 @@
 
 use glam::{DAffine3, DVec3, Vec3};
 
-use super::Document;
+use super::{Document, MAX_RADIANCE};
 use crate::error::Warnings;
 use crate::json::Item;
 use crate::{Camera, Error, Light, Projection, Sky};
@@ -22,8 +22,8 @@ pub(crate) fn load_light(
     let color = item.field("color")?.map_or(Ok(Vec3::ONE), |c| c.vec3())?;
     let intensity = item.field("intensity")?.map_or(Ok(1.0), |i| i.single())?;
     let radiant = color * intensity;
-    if !radiant.is_finite() || radiant.min_element() < 0.0 {
-        warnings.add("a light with negative or not finite intensity is left out", 1);
+    if !(radiant.min_element() >= 0.0 && radiant.max_element() <= MAX_RADIANCE) {
+        warnings.add("a light with an intensity below 0 or beyond 1e15 is left out", 1);
         return Ok(None);
     }
     let position = world_from_node.translation.as_vec3();
@@ -140,8 +140,8 @@ pub(crate) fn load_sky(scene: &Item<'_>) -> Result<Option<Sky>, Error> {
     }
     let Some(item) = extras.field("sky_radiance")? else { return Ok(None) };
     let radiance = item.vec3()?;
-    if radiance.min_element() < 0.0 {
-        return Err(item.fail("radiance must be 0 or more"));
+    if !(radiance.min_element() >= 0.0 && radiance.max_element() <= MAX_RADIANCE) {
+        return Err(item.fail(format!("{radiance} found; allowed: 0 or more, up to 1e15")));
     }
     Ok((radiance != Vec3::ZERO).then_some(Sky::Constant(radiance)))
 }

@@ -6,7 +6,7 @@ use glam::{Vec3, Vec4};
 
 use super::buffer::Resolver;
 use super::texture::Textures;
-use super::{Budget, Document};
+use super::{Budget, Document, MAX_RADIANCE};
 use crate::error::Warnings;
 use crate::json::Item;
 use crate::{AlphaMode, Error, Material, Scene};
@@ -96,8 +96,8 @@ fn parse_material(
             material.ior = factor(&e, "ior", 1.5, 1e6)?;
         }
     }
-    if !material.emission.is_finite() {
-        return Err(item.fail("emission beyond single precision; lower emissiveStrength"));
+    if !(material.emission.max_element() <= MAX_RADIANCE && material.emission.is_finite()) {
+        return Err(item.fail("emission beyond 1e15; lower emissiveFactor or emissiveStrength"));
     }
     Ok(material)
 }

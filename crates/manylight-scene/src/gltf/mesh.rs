@@ -80,9 +80,10 @@ impl<'a> Attributes<'a> {
         doc: &'a Document<'_>,
         key: &str,
         types: &[&str],
+        budget: &mut Budget,
     ) -> Result<Option<Accessor<'a>>, Error> {
         let Some(reference) = self.item.field(key)? else { return Ok(None) };
-        let accessor = Accessor::new(doc, &reference, types)?;
+        let accessor = Accessor::new(doc, &reference, types, budget)?;
         if accessor.count < self.positions.count {
             return Err(reference.fail(format!(
                 "{} entries for {} vertices; each vertex needs one",
@@ -117,18 +118,22 @@ fn load_primitive<'a>(
         warnings.add("a primitive without positions is left out", 1);
         return Ok(None);
     };
-    let attributes = Attributes { positions: Accessor::new(doc, &reference, &["VEC3"])?, item };
+    let positions = Accessor::new(doc, &reference, &["VEC3"], budget)?;
+    let attributes = Attributes { positions, item };
     let triangles = load_triangles(doc, primitive, &attributes, mode, budget)?;
     let (triangles, vertices) = keep_used(triangles, attributes.positions.count);
-    budget.take_corners(vertices.len() as u64, primitive)?;
+    let vertex_count = vertices.len() as u64;
+    budget.take::<[Vec3; 2]>(vertex_count, primitive)?; // position and normal
+    budget.take::<[Vec4; 3]>(vertex_count, primitive)?; // tangent, color, texture coordinates
 
     let weights = match pose {
-        Some(_) => Weights::load(doc, &attributes.item, attributes.positions.count)?,
+        Some(_) => Weights::load(doc, &attributes.item, attributes.positions.count, budget)?,
         None => None,
     };
     let mut blends: Vec<DAffine3> = Vec::new();
     if let (Some(pose), Some(weights)) = (pose, &weights) {
         let blend = |v| weights.blend(pose, v, primitive);
+        budget.take::<DAffine3>(vertex_count, primitive)?;
         blends = vertices.iter().map(blend).collect::<Result<_, _>>()?;
     }
     let read_position = |v| Vec3::from(attributes.positions.read::<3>(v));
@@ -144,7 +149,7 @@ fn load_primitive<'a>(
     for p in mesh.positions.iter_mut().filter(|p| !is_usable(**p)) {
         *p = Vec3::ZERO; // no triangle uses it any more
     }
-    load_shading(doc, &attributes, &vertices, &mut mesh, warnings)?;
+    load_shading(doc, &attributes, &vertices, &mut mesh, budget, warnings)?;
     for ((n, t), blend) in pad(&mut mesh).zip(&blends) {
         if let Some(n) = n {
             *n = skin::move_normal(blend, *n);
@@ -176,11 +181,11 @@ fn load_triangles(
     let vertex_count = attributes.positions.count;
     let corners: Vec<u32> = match primitive.field("indices")? {
         Some(reference) => {
-            let accessor = Accessor::new(doc, &reference, &["SCALAR"])?;
+            let accessor = Accessor::new(doc, &reference, &["SCALAR"], budget)?;
             if !accessor.is_unsigned() {
                 return Err(reference.fail("indices must be unsigned (5121, 5123 or 5125)"));
             }
-            budget.take_corners(accessor.count as u64 * 3, &reference)?;
+            budget.take::<[u32; 4]>(accessor.count as u64, &reference)?;
             let corners: Vec<u32> = (0..accessor.count).map(|i| accessor.read_index(i)).collect();
             if let Some(bad) = corners.iter().find(|&&c| c as usize >= vertex_count) {
                 return Err(reference.fail(format!(
@@ -192,7 +197,7 @@ fn load_triangles(
             corners
         }
         None => {
-            budget.take_corners(vertex_count as u64 * 3, primitive)?;
+            budget.take::<[u32; 4]>(vertex_count as u64, primitive)?;
             (0..vertex_count as u32).collect()
         }
     };
@@ -286,12 +291,13 @@ fn load_shading(
     attributes: &Attributes<'_>,
     vertices: &Vertices,
     mesh: &mut Mesh,
+    budget: &mut Budget,
     warnings: &mut Warnings,
 ) -> Result<(), Error> {
-    if let Some(normals) = attributes.find(doc, "NORMAL", &["VEC3"])? {
+    if let Some(normals) = attributes.find(doc, "NORMAL", &["VEC3"], budget)? {
         mesh.normals = vertices.iter().map(|v| Vec3::from(normals.read::<3>(v))).collect();
     }
-    if let Some(tangents) = attributes.find(doc, "TANGENT", &["VEC4"])? {
+    if let Some(tangents) = attributes.find(doc, "TANGENT", &["VEC4"], budget)? {
         mesh.tangents = vertices.iter().map(|v| Vec4::from(tangents.read::<4>(v))).collect();
         let mut bad_count = 0;
         for t in &mut mesh.tangents {
@@ -307,7 +313,8 @@ fn load_shading(
         warnings.add("a tangent that is not a direction was replaced", bad_count);
     }
     for set in 0..2 {
-        if let Some(uvs) = attributes.find(doc, &format!("TEXCOORD_{set}"), &["VEC2"])? {
+        let key = format!("TEXCOORD_{set}");
+        if let Some(uvs) = attributes.find(doc, &key, &["VEC2"], budget)? {
             mesh.uvs[set] = vertices.iter().map(|v| Vec2::from(uvs.read::<2>(v))).collect();
             let mut bad_count = 0;
             for uv in mesh.uvs[set].iter_mut().filter(|uv| !is_usable_uv(**uv)) {
@@ -317,7 +324,7 @@ fn load_shading(
             warnings.add("a texture coordinate not finite or beyond 1e9 became 0", bad_count);
         }
     }
-    if let Some(colors) = attributes.find(doc, "COLOR_0", &["VEC3", "VEC4"])? {
+    if let Some(colors) = attributes.find(doc, "COLOR_0", &["VEC3", "VEC4"], budget)? {
         let opaque = colors.width == 3;
         let read = |v| {
             let color = Vec4::from(colors.read::<4>(v));

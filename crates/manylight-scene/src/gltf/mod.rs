@@ -35,6 +35,9 @@ pub(crate) const SUPPORTED: &[&str] = &[
     "KHR_texture_transform",
 ];
 
+/// Brightest emission, intensity or irradiance kept; sums and squares of it stay finite.
+const MAX_RADIANCE: f32 = 1e15;
+
 /// A parsed file: its JSON and its bytes.
 #[derive(Debug)]
 pub(crate) struct Document<'a> {
@@ -79,44 +82,42 @@ impl<'a> Document<'a> {
     }
 }
 
-/// What a file may still ask for; grows with its size.
+/// Memory a file may still ask for; grows with its size. Primitives, nodes and images that share
+/// one part of a small file could otherwise become any number of copies.
 #[derive(Debug)]
 pub(crate) struct Budget {
-    corners: u64,
-    instances: u64,
+    geometry_bytes: u64,
     texel_bytes: u64,
 }
 
 impl Budget {
     fn new(byte_count: u64) -> Self {
-        let grown = byte_count.saturating_mul(64);
+        // Tightly packed vertices grow about 4-fold, instances of many primitives 70-fold.
+        let grown = byte_count.saturating_mul(32);
         Self {
-            corners: grown.saturating_add(1 << 22),
-            instances: grown.saturating_add(1 << 20),
-            texel_bytes: 1 << 33,
+            geometry_bytes: grown.saturating_add(1 << 28),
+            // Dull textures are packed 200-fold; a single flat one may be more.
+            texel_bytes: byte_count.saturating_mul(256).saturating_add(1 << 30).min(1 << 33),
         }
     }
 
-    /// Takes triangle corners or vertices.
-    pub(crate) fn take_corners(&mut self, n: u64, place: &Item<'_>) -> Result<(), Error> {
-        take(&mut self.corners, n, "vertices", place)
-    }
-
-    /// Takes placements.
-    pub(crate) fn take_instances(&mut self, n: u64, place: &Item<'_>) -> Result<(), Error> {
-        take(&mut self.instances, n, "instances", place)
+    /// Takes `count` vertices, indices or placements that are kept as `T`.
+    pub(crate) fn take<T>(&mut self, count: u64, place: &Item<'_>) -> Result<(), Error> {
+        let byte_count = count.saturating_mul(size_of::<T>() as u64);
+        take_bytes(&mut self.geometry_bytes, byte_count, "geometry", place)
     }
 
     /// Takes decoded image bytes.
     pub(crate) fn take_texel_bytes(&mut self, n: u64, place: &Item<'_>) -> Result<(), Error> {
-        take(&mut self.texel_bytes, n, "image bytes", place)
+        take_bytes(&mut self.texel_bytes, n, "images", place)
     }
 }
 
-fn take(left: &mut u64, n: u64, what: &str, place: &Item<'_>) -> Result<(), Error> {
+fn take_bytes(left: &mut u64, n: u64, what: &str, place: &Item<'_>) -> Result<(), Error> {
     *left = left.checked_sub(n).ok_or_else(|| {
         place.fail(format!(
-            "{n} more {what} are far beyond what a file of this size can hold; the file is damaged"
+            "{n} more bytes of {what} are far beyond what a file of this size may unpack to; \
+             copy less of it or export the file again"
         ))
     })?;
     Ok(())

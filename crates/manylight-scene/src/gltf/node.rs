@@ -152,7 +152,7 @@ pub(crate) fn load_nodes(
         let (meshes, placements) = if let Some(skin) = node.field("skin")? {
             let pose = match poses.entry(doc.follow(&skin, "skins")?.0) {
                 Entry::Occupied(entry) => entry.into_mut(),
-                Entry::Vacant(entry) => entry.insert(skin::load_pose(doc, &skin, &graph)?),
+                Entry::Vacant(entry) => entry.insert(skin::load_pose(doc, &skin, &graph, budget)?),
             };
             let meshes = mesh::load_mesh(doc, &reference, Some(pose), scene, budget, warnings)?;
             (meshes, vec![DAffine3::IDENTITY])
@@ -170,7 +170,7 @@ pub(crate) fn load_nodes(
             (meshes.clone(), placements)
         };
         bounds.extend(scene.meshes[bounds.len()..].iter().map(|m| m.max_coordinate()));
-        budget.take_instances(meshes.len() as u64 * placements.len() as u64, node)?;
+        budget.take::<Instance>(meshes.len() as u64 * placements.len() as u64, node)?;
         place_meshes(scene, &meshes, &bounds, &placements, warnings);
     }
     Ok(())
@@ -246,8 +246,9 @@ fn load_instancing(
     budget: &mut Budget,
 ) -> Result<Vec<DAffine3>, Error> {
     let attributes = item.required("attributes")?;
-    let accessor = |key: &str, kind: &str| -> Result<Option<Accessor<'_>>, Error> {
-        attributes.field(key)?.map(|reference| Accessor::new(doc, &reference, &[kind])).transpose()
+    let mut accessor = |key: &str, kind: &str| -> Result<Option<Accessor<'_>>, Error> {
+        let Some(reference) = attributes.field(key)? else { return Ok(None) };
+        Accessor::new(doc, &reference, &[kind], budget).map(Some)
     };
     let translations = accessor("TRANSLATION", "VEC3")?;
     let rotations = accessor("ROTATION", "VEC4")?;
@@ -260,7 +261,7 @@ fn load_instancing(
     if counts.any(|other| other != count) {
         return Err(attributes.fail("its accessors have different counts; make them equal"));
     }
-    budget.take_instances(count as u64, &attributes)?;
+    budget.take::<DAffine3>(count as u64, &attributes)?;
     let place = |i: usize| {
         let t = translations.as_ref().map_or(Vec3::ZERO, |a| Vec3::from(a.read::<3>(i)));
         let s = scales.as_ref().map_or(Vec3::ONE, |a| Vec3::from(a.read::<3>(i)));

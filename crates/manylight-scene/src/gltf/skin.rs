@@ -5,9 +5,9 @@
 
 use glam::{DAffine3, DMat4, DVec3, Vec3, Vec4};
 
-use super::Document;
 use super::buffer::{Accessor, Component};
 use super::node::Graph;
+use super::{Budget, Document};
 use crate::Error;
 use crate::json::Item;
 
@@ -20,12 +20,13 @@ pub(crate) fn load_pose(
     doc: &Document<'_>,
     reference: &Item<'_>,
     graph: &Graph<'_>,
+    budget: &mut Budget,
 ) -> Result<Pose, Error> {
     let (_, skin) = doc.follow(reference, "skins")?;
     let joints_item = skin.required("joints")?;
     let joints = joints_item.items()?;
     let bind = match skin.field("inverseBindMatrices")? {
-        Some(reference) => Some(Accessor::new(doc, &reference, &["MAT4"])?),
+        Some(reference) => Some(Accessor::new(doc, &reference, &["MAT4"], budget)?),
         None => None,
     };
     if let Some(bind) = &bind
@@ -59,14 +60,15 @@ impl<'a> Weights<'a> {
         doc: &'a Document<'_>,
         attributes: &Item<'_>,
         vertex_count: usize,
+        budget: &mut Budget,
     ) -> Result<Option<Self>, Error> {
         let mut sets = Vec::new();
         for set in 0..4 {
             let joints = attributes.field(&format!("JOINTS_{set}"))?;
             let weights = attributes.field(&format!("WEIGHTS_{set}"))?;
             let (Some(joints), Some(weights)) = (joints, weights) else { break };
-            let j = Accessor::new(doc, &joints, &["VEC4"])?;
-            let w = Accessor::new(doc, &weights, &["VEC4"])?;
+            let j = Accessor::new(doc, &joints, &["VEC4"], budget)?;
+            let w = Accessor::new(doc, &weights, &["VEC4"], budget)?;
             if j.count < vertex_count || w.count < vertex_count {
                 return Err(joints.fail(format!(
                     "joints or weights for fewer than the {vertex_count} vertices; export again"

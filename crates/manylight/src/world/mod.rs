@@ -2,7 +2,7 @@
 //! rays meet them.
 //!
 //! In: [`Scene`] · Out: [`World`] · Limits: instances are copied into one hierarchy unless the
-//! copies of a mesh would hold more than [`COPY_LIMIT`] triangles.
+//! copies would hold more than [`COPY_LIMIT`] triangles of one mesh or [`COPIES_LIMIT`] in all.
 
 mod alpha;
 mod texture;
@@ -16,6 +16,8 @@ use manylight_scene::Scene;
 
 /// Most triangles that the copies of one instanced mesh may add to the shared hierarchy.
 pub const COPY_LIMIT: u64 = 4_000_000;
+/// Most triangles that the copies of all instanced meshes may add to it.
+pub const COPIES_LIMIT: u64 = 16_000_000;
 
 /// Geometry, materials and ray queries of one scene.
 #[derive(Debug)]
@@ -90,11 +92,13 @@ impl World {
             scene,
         };
         let mut flat = Vec::new();
+        let mut copied = 0;
         for (mesh, instances) in placements.iter().enumerate() {
             let triangles = world.scene.meshes[mesh].triangles.len() as u64;
-            if instances.len() > 1 && triangles * instances.len() as u64 > COPY_LIMIT {
+            if is_shared(triangles, instances.len() as u64, copied) {
                 world.add_shared(mesh, instances);
             } else {
+                copied += triangles * (instances.len() as u64).saturating_sub(1);
                 instances.iter().for_each(|&i| world.add_flat(i, &mut flat));
             }
         }
@@ -270,6 +274,12 @@ impl Placement {
             t_max,
         })
     }
+}
+
+/// Whether the instances of a mesh share one hierarchy, after others `copied` their triangles.
+fn is_shared(triangles: u64, instances: u64, copied: u64) -> bool {
+    let all = triangles * instances;
+    instances > 1 && (all > COPY_LIMIT || copied + all - triangles > COPIES_LIMIT)
 }
 
 fn bounds_of(points: impl Iterator<Item = Vec3>) -> [Vec3; 2] {

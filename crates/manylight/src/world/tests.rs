@@ -116,6 +116,14 @@ fn opacity_lets_its_share_of_rays_through() {
 }
 
 #[test]
+fn copies_are_limited_per_mesh_and_in_all() {
+    assert!(!is_shared(COPY_LIMIT * 2, 1, 0), "one placement is no copy");
+    assert!(!is_shared(1000, 4000, 0) && is_shared(1000, 4001, 0));
+    let nearly_full = COPIES_LIMIT - 1000;
+    assert!(!is_shared(1000, 2, nearly_full) && is_shared(1001, 2, nearly_full));
+}
+
+#[test]
 fn shared_instances_answer_like_copies() {
     let placements: Vec<Affine3A> = (0..6)
         .map(|i| {

@@ -1,0 +1,73 @@
+//! Whether a render fits into the memory of this machine.
+//!
+//! In: size and settings · Out: an error instead of a program killed half-way.
+//! Limits: scenes are not counted; what the system does not tell is taken as enough.
+
+use crate::Failure;
+use manylight::Settings;
+
+/// Bytes that a pixel takes at the peak: receivers, layers, and the picture to be written.
+const BYTES_PER_PIXEL: u64 = 400;
+/// Bytes that a virtual light takes at the peak, its share of the grid included.
+const BYTES_PER_LIGHT: u64 = 160;
+
+/// Refuses a render that is far beyond the free memory.
+pub fn check_render(size: [usize; 2], settings: &Settings) -> Result<(), Failure> {
+    match find_available() {
+        Some(available) => check_fit(size, settings, available),
+        None => Ok(()),
+    }
+}
+
+fn check_fit(
+    [width, height]: [usize; 2],
+    settings: &Settings,
+    available: u64,
+) -> Result<(), Failure> {
+    let lights = u64::from(settings.vpls.count) + u64::from(settings.vpls.emitter_count);
+    let needed = (width * height) as u64 * BYTES_PER_PIXEL + lights * BYTES_PER_LIGHT;
+    if needed <= available {
+        return Ok(());
+    }
+    let mib = |bytes: u64| bytes >> 20;
+    Err(format!(
+        "--size {width}x{height} with {lights} virtual lights needs about {} MiB of memory, but \
+         {} MiB are free; choose a smaller --size or vpls.count",
+        mib(needed),
+        mib(available)
+    )
+    .into())
+}
+
+/// Memory that can be had without swapping, where the system tells.
+fn find_available() -> Option<u64> {
+    let kib = read_kib("/proc/meminfo", "MemAvailable:")?;
+    Some(kib * 1024)
+}
+
+/// Largest resident size of this process so far, MiB, where the system tells.
+pub fn find_peak_mib() -> Option<f64> {
+    read_kib("/proc/self/status", "VmHWM:").map(|kib| kib as f64 / 1024.0)
+}
+
+fn read_kib(path: &str, label: &str) -> Option<u64> {
+    let status = std::fs::read_to_string(path).ok()?;
+    let line = status.lines().find(|l| l.starts_with(label))?;
+    line.split_whitespace().nth(1)?.parse().ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn renders_beyond_the_free_memory_are_refused() {
+        let settings = Settings::default();
+        assert!(check_fit([1280, 720], &settings, 1 << 30).is_ok());
+        let error = check_fit([16384, 16384], &settings, 1 << 30).expect_err("100 GB");
+        assert!(error.to_string().contains("1024 MiB are free; choose a smaller"), "{error}");
+        let mut many = Settings::default();
+        many.vpls.count = 16_000_000;
+        assert!(check_fit([8, 8], &many, 1 << 30).is_err());
+    }
+}
