@@ -4,14 +4,12 @@ use crate::args::{Backend, RenderArgs, SettingArgs};
 use crate::{Failure, Outcome, memory, output};
 use indicatif::{ProgressBar, ProgressStyle};
 use manylight::{Frame, Renderer, Settings};
-use manylight_scene::{Camera, Shot};
+use manylight_scene::{Camera, MAX_PIXELS, Shot};
 use serde_json::{Value, json};
 use std::io::{IsTerminal, Write};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
-/// Most pixels of a picture.
-const MAX_PIXELS: usize = 1 << 28;
 /// Size of a picture that nobody chose.
 const DEFAULT_SIZE: [usize; 2] = [1280, 720];
 /// A bar appears for work that takes longer than this.
@@ -40,7 +38,8 @@ pub fn size(args: &SettingArgs, camera: &Camera) -> Result<[usize; 2], Failure> 
     let parse = |s: &str| s.trim().parse::<usize>().ok().filter(|&v| v > 0);
     let size = text.split_once('x').and_then(|(w, h)| Some([parse(w)?, parse(h)?]));
     let size = size.filter(|[w, h]| w.checked_mul(*h).is_some_and(|n| n <= MAX_PIXELS));
-    let problem = "write WIDTHxHEIGHT of at most 268435456 pixels, for example 1280x720";
+    let problem =
+        format!("write WIDTHxHEIGHT of at most {MAX_PIXELS} pixels, for example 1280x720");
     size.ok_or_else(|| format!("--size {text}: {problem}").into())
 }
 

@@ -22,7 +22,7 @@ pub use scene::{
     AlphaMode, Camera, Instance, Light, Material, Mesh, Projection, Scene, Sky, SkyMap,
     TextureImage, TextureSlot, Wrap,
 };
-pub use shot::{ShotFile, ShotLight, parse_shot_text};
+pub use shot::{MAX_PIXELS, ShotFile, ShotLight, parse_shot_text};
 
 /// A scene seen by a camera, with the settings its author chose.
 #[derive(Clone, Debug)]

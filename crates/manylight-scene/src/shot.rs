@@ -12,7 +12,7 @@ use crate::{Camera, Error, Light};
 /// Share of `cone_deg` at which a spot begins to fade where `inner_deg` is not stated.
 const DEFAULT_INNER_SHARE: f32 = 0.75;
 /// Largest number of pixels of a picture.
-const MAX_PIXELS: usize = 1 << 28;
+pub const MAX_PIXELS: usize = 1 << 28;
 /// Largest picture side, pixels.
 const MAX_SIDE_PX: usize = 65536;
 /// Largest light value or coordinate that a shot may state.

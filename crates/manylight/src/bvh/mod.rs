@@ -31,12 +31,5 @@ pub struct Bvh {
     packs: Vec<Pack>,
 }
 
-impl Bvh {
-    /// Memory held, bytes.
-    pub fn size_bytes(&self) -> usize {
-        self.nodes.len() * size_of::<Node>() + self.packs.len() * size_of::<Pack>()
-    }
-}
-
 #[cfg(test)]
 mod tests;

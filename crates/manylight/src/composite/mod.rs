@@ -73,7 +73,7 @@ impl Layers {
         parts.map(|((d, i), e)| *d + *i + *e).collect()
     }
 
-    /// Adds `other` with a weight; depth keeps the first sample.
+    /// Adds `other` with a weight; normal, position and depth keep the first sample.
     pub fn add_weighted(&mut self, other: &Self, weight: f32) {
         let colors = [
             (&mut self.direct, &other.direct),
@@ -81,8 +81,6 @@ impl Layers {
             (&mut self.indirect_unshadowed, &other.indirect_unshadowed),
             (&mut self.emission, &other.emission),
             (&mut self.albedo, &other.albedo),
-            (&mut self.normal, &other.normal),
-            (&mut self.position, &other.position),
         ];
         for (sum, part) in colors {
             sum.iter_mut().zip(part).for_each(|(a, b)| *a += *b * weight);
@@ -94,10 +92,17 @@ impl Layers {
         }
     }
 
-    /// All layers scaled, as the start of a weighted sum.
+    /// All layers but normal, position and depth scaled, as the start of a weighted sum.
     pub fn scaled(mut self, weight: f32) -> Self {
-        let before = self.clone();
-        self.add_weighted(&before, weight - 1.0);
+        let colors = [
+            &mut self.direct,
+            &mut self.indirect,
+            &mut self.indirect_unshadowed,
+            &mut self.emission,
+            &mut self.albedo,
+        ];
+        colors.into_iter().flatten().for_each(|v| *v *= weight);
+        [&mut self.shadow_ratio, &mut self.evals].into_iter().flatten().for_each(|v| *v *= weight);
         self
     }
 }

@@ -64,17 +64,17 @@ pub fn from_sky(
     world: &World,
     sky: &SkyEmitter,
     surface: &SurfacePoint,
-    rays: u32,
-    sequence: &mut Sequence,
+    sequences: impl Iterator<Item = Sequence>,
     is_constant: bool,
-) -> (Vec3, f32) {
-    let (mut unshadowed, mut seen) = (Vec3::ZERO, Vec3::ZERO);
-    for _ in 0..rays {
+) -> [Vec3; 2] {
+    let (mut unshadowed, mut seen, mut rays) = (Vec3::ZERO, Vec3::ZERO, 0);
+    for mut sequence in sequences {
+        rays += 1;
         let (direction, irradiance) = if is_constant {
             let direction = cosine_hemisphere(surface.ns, sequence.next_2d());
             (direction, sky.radiance(direction) * PI)
         } else {
-            resample_sky(sky, surface.ns, sequence)
+            resample_sky(sky, surface.ns, &mut sequence)
         };
         unshadowed += irradiance;
         if irradiance.max_element() > 0.0
@@ -83,8 +83,7 @@ pub fn from_sky(
             seen += irradiance;
         }
     }
-    let ratio = luminance(seen) / luminance(unshadowed).max(f32::MIN_POSITIVE);
-    (unshadowed / rays.max(1) as f32, ratio)
+    [unshadowed, seen].map(|sum| sum / rays.max(1) as f32)
 }
 
 /// One direction drawn in proportion to radiance · cosine, and its irradiance over its density.

@@ -2,7 +2,6 @@
 
 use crate::composite::Layers;
 use crate::gather::Gathered;
-use crate::math::luminance;
 use glam::Vec3;
 use std::f32::consts::PI;
 
@@ -14,34 +13,22 @@ impl Layers {
         }
     }
 
-    /// direct += albedo/π · unshadowed · ratio.
+    /// direct += albedo/π · what arrives.
     pub(super) fn add_direct(&mut self, g: &Gathered) {
         for i in 0..g.unshadowed.len() {
-            self.direct[i] += self.albedo[i] / PI * g.unshadowed[i] * g.shadow_ratio[i];
+            self.direct[i] += self.albedo[i] / PI * g.arriving(i);
             self.evals[i] += g.evals[i] as f32;
         }
     }
 
-    /// indirect = albedo/π · unshadowed · ratio.
+    /// indirect = albedo/π · what arrives.
     pub(super) fn set_indirect(&mut self, g: &Gathered) {
         for i in 0..g.unshadowed.len() {
-            let unshadowed = self.albedo[i] / PI * g.unshadowed[i];
-            self.indirect_unshadowed[i] = unshadowed;
-            self.indirect[i] = unshadowed * g.shadow_ratio[i];
+            let brdf = self.albedo[i] / PI;
+            self.indirect_unshadowed[i] = brdf * g.unshadowed[i];
+            self.indirect[i] = brdf * g.arriving(i);
             self.shadow_ratio[i] = g.shadow_ratio[i];
             self.evals[i] += g.evals[i] as f32;
-        }
-    }
-}
-
-impl Gathered {
-    /// Stores a shadowed sum: its color as it is, its luminance as the ratio.
-    pub(super) fn set_shadowed(&mut self, i: usize, shadowed: Vec3) {
-        let ratio = luminance(shadowed) / luminance(self.unshadowed[i]).max(f32::MIN_POSITIVE);
-        self.shadow_ratio[i] = ratio;
-        // The product of both must be the true sum in every channel.
-        if ratio > 0.0 {
-            self.unshadowed[i] = shadowed / ratio;
         }
     }
 }

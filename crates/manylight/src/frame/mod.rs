@@ -13,14 +13,14 @@ use crate::emitter::{Emitters, SkyEmitter};
 use crate::error::Error;
 use crate::filter;
 use crate::gather::{Gathered, brute, grid};
-use crate::math::{Sequence, hash_u32};
+use crate::math::{Sequence, hash_u32, morton_2d};
 use crate::reference::PathTracer;
 use crate::settings::{Method, Settings};
 use crate::surface::{Receivers, ViewFrame};
 use crate::vlight::vpl;
 use crate::world::World;
 use glam::{Vec2, Vec3};
-use manylight_scene::{Camera, Scene, Sky};
+use manylight_scene::{Camera, MAX_PIXELS, Scene, Sky};
 use rayon::prelude::*;
 use stage::Clock;
 
@@ -75,7 +75,7 @@ impl Renderer {
     /// Renders one picture.
     ///
     /// The same seed gives the same bits at any thread count.
-    /// Errors: a setting outside its range
+    /// Errors: a setting outside its range, a size without pixels or above [`MAX_PIXELS`]
     pub fn render(
         &self,
         camera: &Camera,
@@ -84,6 +84,10 @@ impl Renderer {
         progress: Progress<'_>,
     ) -> Result<Frame, Error> {
         settings.validate()?;
+        if width == 0 || height == 0 || width.saturating_mul(height) > MAX_PIXELS {
+            let problem = format!("{width}x{height} is empty or above {MAX_PIXELS} pixels");
+            return Err(Error::Setting { path: "size".to_owned(), problem });
+        }
         let view = ViewFrame::new(camera, width, height);
         let mut clock = Clock::new(progress);
         let samples = if settings.method == Method::Path { 1 } else { settings.film.samples };
@@ -205,12 +209,9 @@ impl Renderer {
             };
             let sums: Vec<_> = (0..count).into_par_iter().map(sum).collect();
             let mut gathered = Gathered::dark(count);
-            for (i, sum) in sums.into_iter().enumerate() {
-                let Some(sum) = sum else { continue };
-                gathered.unshadowed[i] = sum.unshadowed;
-                gathered.set_shadowed(i, sum.shadowed);
-                gathered.evals[i] = sum.evals;
-            }
+            let sums: Vec<_> = sums.into_iter().map(Option::unwrap_or_default).collect();
+            gathered.evals.iter_mut().zip(&sums).for_each(|(evals, sum)| *evals = sum.evals);
+            gathered.set_exact(sums.iter().map(|sum| [sum.unshadowed, sum.shadowed]));
             (gathered, lights.len() as u64)
         })
     }
@@ -243,17 +244,15 @@ impl Renderer {
         let mut gathered = clock.run("sky", || {
             let at = |i: usize| {
                 let surface = receivers.samples[i].surface.as_ref()?;
-                let mut sequence = Sequence::new(hash_u32(seed ^ hash_u32(i as u32)), 0);
-                let sequence = &mut sequence;
-                Some(direct::from_sky(&self.world, sky, surface, rays, sequence, is_constant))
+                // Neighbors share one sequence, as the draws of the grid do.
+                let (x, y) = ((i % receivers.width) as u32, (i / receivers.width) as u32);
+                let first = morton_2d(x, y).wrapping_mul(rays);
+                let sequences = (0..rays).map(|ray| Sequence::new(seed, first.wrapping_add(ray)));
+                Some(direct::from_sky(&self.world, sky, surface, sequences, is_constant))
             };
             let found: Vec<_> = (0..count).into_par_iter().with_min_len(512).map(at).collect();
             let mut gathered = Gathered::dark(count);
-            for (i, (unshadowed, ratio)) in
-                found.into_iter().enumerate().filter_map(|(i, f)| Some((i, f?)))
-            {
-                (gathered.unshadowed[i], gathered.shadow_ratio[i]) = (unshadowed, ratio);
-            }
+            gathered.set_exact(found.into_iter().map(Option::unwrap_or_default));
             (gathered, u64::from(rays))
         });
         if settings.method != Method::Brute {
@@ -271,9 +270,10 @@ impl Renderer {
         settings: &Settings,
         clock: &mut Clock<'_>,
     ) {
-        if !settings.filter.enabled || settings.shadow.rays == 0 {
+        if !settings.filter.enabled || rays == 0 {
             return;
         }
+        gathered.shadowed.clear();
         gathered.shadow_ratio = clock.run("filter", || {
             let ratio = filter::atrous(&gathered.shadow_ratio, rays, receivers, &settings.filter);
             (ratio, u64::from(settings.filter.passes))

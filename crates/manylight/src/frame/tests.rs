@@ -78,8 +78,62 @@ fn the_grid_agrees_with_brute_force() {
         let grid = render(&renderer, &camera, [24, 24], &grid);
         let brute = render(&renderer, &camera, [24, 24], &brute);
         let bias = energy(&grid.indirect) / energy(&brute.indirect) - 1.0;
-        // Measured: +0.09 on cornell at alpha 1.5 (docs/methods/grid.md).
-        assert!(bias.abs() < 0.15, "{name} {bias}");
+        // Closed rooms come out some percent too bright, see docs/methods/grid.md.
+        assert!(bias.abs() < 0.08, "{name} {bias}");
+    }
+}
+
+#[test]
+fn every_variant_of_the_grid_takes_effect_and_stays_near_brute_force() {
+    let (renderer, camera) = renderer("cornell");
+    let mut grid = settings(Method::Grid);
+    (grid.shadow.rays, grid.filter.enabled) = (16, false);
+    let brute = Settings { method: Method::Brute, ..grid.clone() };
+    let truth = energy(&render(&renderer, &camera, [20, 20], &brute).indirect);
+    let default = render(&renderer, &camera, [20, 20], &grid);
+    // One lobe and points of the variance lose much of the light: that is why they are no default.
+    let variants = [
+        ("grid.lobes", "1", 0.5),
+        ("grid.spread", "false", 0.3),
+        ("grid.start_level", "0", 0.1),
+        ("grid.levels", "4", 0.3),
+        ("shadow.target", "variance", 0.5),
+        ("shadow.estimate", "mean", 0.1),
+        ("shadow.stratified", "false", 0.1),
+        ("shadow.start_level", "2", 0.3),
+        ("shadow.start_level", "14", 0.3),
+        ("shadow.rays", "1", 0.2),
+    ];
+    for (path, value, tolerance) in variants {
+        let mut s = grid.clone();
+        s.set(path, value).expect("a setting");
+        let layers = render(&renderer, &camera, [20, 20], &s);
+        assert!(layers.indirect != default.indirect, "{path}={value} changes nothing");
+        let bias = energy(&layers.indirect) / truth - 1.0;
+        assert!(bias.abs() < tolerance, "{path}={value}: {bias}");
+    }
+    grid.shadow.rays = 0;
+    let open = render(&renderer, &camera, [20, 20], &grid);
+    assert_eq!(open.indirect, open.indirect_unshadowed);
+}
+
+#[test]
+fn every_preset_renders() {
+    let (renderer, camera) = renderer("cornell");
+    for name in crate::settings::PRESETS {
+        let mut s = Settings::preset(name).expect(name);
+        (s.vpls.count, s.vpls.emitter_count) = (2000, 300);
+        let layers = render(&renderer, &camera, [12, 12], &s);
+        assert!(energy(&layers.indirect) > 0.0, "{name}");
+    }
+}
+
+#[test]
+fn pictures_without_pixels_are_refused() {
+    let (renderer, camera) = renderer("cornell");
+    for size in [[0, 0], [0, 4], [usize::MAX, 2]] {
+        let error = renderer.render(&camera, size, &Settings::default(), &|_, _| ());
+        assert!(error.expect_err("no size").to_string().contains("size"));
     }
 }
 

@@ -62,6 +62,10 @@ impl PathTracer<'_> {
 
             // One reflection finds emitters and the sky a second way, and the next surface.
             let direction = cosine_hemisphere(surface.ns, seq.next_2d());
+            // Below the surface itself: blocked, as for shadow rays.
+            if surface.ng.dot(direction) <= 0.0 {
+                break;
+            }
             ray = Ray { origin: surface.ray_origin(self.world), direction, t_max: f32::MAX };
             let pdf_sa = surface.ns.dot(direction).max(0.0) / PI;
             let Some(hit) = self.world.closest(&ray) else {

@@ -253,11 +253,6 @@ impl World {
     fn placements(&self) -> impl Iterator<Item = (&SharedMesh, &Placement)> {
         self.shared.iter().flat_map(|s| s.instances.iter().map(move |p| (s, p)))
     }
-
-    /// Memory held by the hierarchies, bytes.
-    pub fn bvh_bytes(&self) -> usize {
-        self.flat.size_bytes() + self.shared.iter().map(|s| s.bvh.size_bytes()).sum::<usize>()
-    }
 }
 
 impl Placement {

@@ -26,11 +26,13 @@ impl LightingGrid {
     /// Errors: never; without lights there are no levels
     pub fn build(lights: &[Vpl], settings: &GridSettings, detail: f32) -> Self {
         let is_valid = |l: &&Vpl| {
-            l.position.is_finite() && l.normal.is_finite() && luminance(l.intensity) > 0.0
+            let is_finite =
+                l.position.is_finite() && l.normal.is_finite() && l.intensity.is_finite();
+            is_finite && luminance(l.intensity) > 0.0
         };
         let lights: Vec<Vpl> = lights.iter().filter(is_valid).copied().collect();
         if lights.is_empty() {
-            return Self { lobes: settings.lobes, ..Self::default() };
+            return Self::default();
         }
         let fold = |[a, b]: [Vec3; 2], l: &Vpl| [a.min(l.position), b.max(l.position)];
         let [low, high] = lights.iter().fold([Vec3::INFINITY, Vec3::NEG_INFINITY], fold);
@@ -188,7 +190,6 @@ impl Cube {
             lights: sorted,
             points: Vec::new(),
             blocks: Vec::new(),
-            lobes: self.lobes,
         };
         grid.points = grid.lights.par_iter().map(|l| grid.draw_point(l)).collect();
         let sums: Vec<[f64; 8]> =
@@ -223,8 +224,7 @@ impl Cube {
         let occupied = vertex_rows(
             order.iter().map(|o| [(o.0 as usize / cells) as i32, (o.0 as usize % cells) as i32]),
         );
-        let sweep = |&[vz, vy]: &[i32; 2]| {
-            let mut row = RowSum::new(cells + 1, self.lobes);
+        let sweep = |row: &mut RowSum, &[vz, vy]: &[i32; 2]| {
             for (cz, cy) in [(vz - 1, vy - 1), (vz - 1, vy), (vz, vy - 1), (vz, vy)] {
                 if cz < 0 || cy < 0 || cz >= cells as i32 || cy >= cells as i32 {
                     continue;
@@ -248,7 +248,9 @@ impl Cube {
             }
             row.finish([vy, vz], self.origin, self.cell_size())
         };
-        occupied.par_iter().with_min_len(4).flat_map_iter(sweep).collect()
+        let new_row = || RowSum::new(cells + 1, self.lobes);
+        let rows: Vec<_> = occupied.par_iter().with_min_len(4).map_init(new_row, sweep).collect();
+        rows.concat()
     }
 
     /// Levels 2…L from the moments of the level below, and the row tables of all.
@@ -260,8 +262,7 @@ impl Cube {
             let fine = &grid.levels[level as usize - 1];
             let rows = occupied_rows(&fine.lights);
             let coarse = vertex_rows_above(&rows);
-            let sweep = |&[vz, vy]: &[i32; 2]| {
-                let mut row = RowSum::new(cells + 1, self.lobes);
+            let sweep = |row: &mut RowSum, &[vz, vy]: &[i32; 2]| {
                 for dz in -1..=1 {
                     for dy in -1..=1 {
                         let (z, y) = (2 * vz + dz, 2 * vy + dy);
@@ -287,7 +288,10 @@ impl Cube {
                 }
                 row.finish([vy, vz], self.origin, cell_size)
             };
-            let lights = coarse.par_iter().with_min_len(4).flat_map_iter(sweep).collect();
+            let new_row = || RowSum::new(cells + 1, self.lobes);
+            let swept: Vec<_> =
+                coarse.par_iter().with_min_len(4).map_init(new_row, sweep).collect();
+            let lights = swept.concat();
             let inner = &fine.cells[..fine.cells.len() - 1];
             let cells = inner.iter().map(|c| (c.0 >> 3, c.1));
             let cells = occupied_cells(cells, grid.lights.len());
@@ -416,28 +420,38 @@ impl Moments {
     }
 }
 
-/// Sums of one row of vertices.
+/// Sums of one row of vertices, kept by a thread from row to row: what a row costs depends on the
+/// lights near it, not on its length.
 struct RowSum {
-    sums: Vec<Moments>,
+    /// Position in `sums` of each vertex and lobe, plus one; 0 where there is none.
+    slots: Vec<u32>,
+    sums: Vec<(u32, Moments)>,
     lobes: u32,
 }
 
 impl RowSum {
     fn new(vertices: usize, lobes: u32) -> Self {
-        Self { sums: vec![Moments::default(); vertices * lobes as usize], lobes }
+        Self { slots: vec![0; vertices * lobes as usize], sums: Vec::new(), lobes }
     }
 
     fn at(&mut self, x: i32, lobe: u32) -> &mut Moments {
-        &mut self.sums[x as usize * self.lobes as usize + lobe as usize]
+        let key = x as u32 * self.lobes + lobe;
+        let slot = &mut self.slots[key as usize];
+        if *slot == 0 {
+            self.sums.push((key, Moments::default()));
+            *slot = self.sums.len() as u32;
+        }
+        &mut self.sums[*slot as usize - 1].1
     }
 
-    /// The lights of the occupied vertices.
-    fn finish(self, [y, z]: [i32; 2], origin: Vec3, cell_size: f32) -> Vec<GridLight> {
-        let lobes = self.lobes as usize;
-        let occupied = self.sums.into_iter().enumerate().filter(|(_, m)| m.luminance > 0.0);
+    /// The lights of the occupied vertices; leaves the sums empty.
+    fn finish(&mut self, [y, z]: [i32; 2], origin: Vec3, cell_size: f32) -> Vec<GridLight> {
+        self.sums.iter().for_each(|s| self.slots[s.0 as usize] = 0);
+        self.sums.sort_unstable_by_key(|s| s.0);
+        let occupied = self.sums.drain(..).filter(|(_, m)| m.luminance > 0.0);
         occupied
-            .map(|(i, m)| {
-                let vertex = [(i / lobes) as u16, y as u16, z as u16];
+            .map(|(key, m)| {
+                let vertex = [(key / self.lobes) as u16, y as u16, z as u16];
                 let mean = m.offset / m.luminance;
                 let p_vertex = origin + Vec3::from(vertex.map(f32::from)) * cell_size;
                 GridLight {
@@ -447,7 +461,7 @@ impl RowSum {
                     normal: m.normal / m.luminance,
                     variance: (m.offset_sq / m.luminance - mean * mean).max(Vec3::ZERO),
                     vertex,
-                    lobe: (i % lobes) as u8,
+                    lobe: (key % self.lobes) as u8,
                     octants: m.octants,
                 }
             })

@@ -59,23 +59,12 @@ pub struct LightingGrid {
     pub(super) points: Vec<[f32; 4]>,
     /// Sums of luminance · (1, x, y, z, xy, yz, zx, xyz) over all lights before each block.
     pub(super) blocks: Vec<[f64; 8]>,
-    /// Lobes per vertex: 1 or 6.
-    pub lobes: u32,
 }
 
 impl LightingGrid {
     /// Grid lights over all levels.
     pub fn light_count(&self) -> usize {
         self.levels.iter().map(|l| l.lights.len()).sum()
-    }
-
-    /// Memory held, bytes.
-    pub fn size_bytes(&self) -> usize {
-        self.light_count() * size_of::<GridLight>()
-            + self.lights.len() * size_of::<Vpl>()
-            + self.points.len() * size_of::<[f32; 4]>()
-            + self.levels.iter().map(|l| size_of_val(&l.cells[..])).sum::<usize>()
-            + self.blocks.len() * size_of::<[f64; 8]>()
     }
 }
 

@@ -22,7 +22,7 @@ use rayon::prelude::*;
 /// Receivers per side of a tile.
 pub const TILE: usize = 8;
 /// Receivers per side of a block, whose tiles share one search of the grid.
-const BLOCK: usize = 4 * TILE;
+const TILE_BLOCK: usize = 4 * TILE;
 /// Largest weight of a shadow ray: bounds what one virtual light says about a pixel where it gives
 /// more than its grid light on average, as beside the horizon.
 const MOST_WEIGHT: f32 = 2.0;
@@ -52,11 +52,15 @@ pub fn gather(
     }
     let shells = shells(grid, &settings.grid);
     let job = Job { world, receivers, grid, settings, d_min, seed, shells: &shells };
-    let (blocks_x, blocks_y) = (receivers.width.div_ceil(BLOCK), receivers.height.div_ceil(BLOCK));
+    let (blocks_x, blocks_y) =
+        (receivers.width.div_ceil(TILE_BLOCK), receivers.height.div_ceil(TILE_BLOCK));
     let blocks: Vec<Vec<(usize, PixelResult)>> = (0..blocks_x * blocks_y)
         .into_par_iter()
         .map_init(Scratch::default, |scratch, block| {
-            job.gather_block([block % blocks_x * BLOCK, block / blocks_x * BLOCK], scratch)
+            job.gather_block(
+                [block % blocks_x * TILE_BLOCK, block / blocks_x * TILE_BLOCK],
+                scratch,
+            )
         })
         .collect();
     for (index, result) in blocks.into_iter().flatten() {
@@ -112,10 +116,10 @@ struct Draw<'a> {
 impl Job<'_> {
     fn gather_block(&self, [x, y]: [usize; 2], scratch: &mut Scratch) -> Vec<(usize, PixelResult)> {
         let mut results = Vec::new();
-        let Some(bounds) = self.bounds(x, y, BLOCK) else { return results };
+        let Some(bounds) = self.bounds(x, y, TILE_BLOCK) else { return results };
         collect(self.grid, self.shells, self.settings, &bounds, &mut scratch.wider);
-        for tile_y in (y..(y + BLOCK).min(self.receivers.height)).step_by(TILE) {
-            for tile_x in (x..(x + BLOCK).min(self.receivers.width)).step_by(TILE) {
+        for tile_y in (y..(y + TILE_BLOCK).min(self.receivers.height)).step_by(TILE) {
+            for tile_x in (x..(x + TILE_BLOCK).min(self.receivers.width)).step_by(TILE) {
                 let Some(bounds) = self.bounds(tile_x, tile_y, TILE) else { continue };
                 narrow(&scratch.wider, self.shells, &bounds, &mut scratch.list);
                 self.gather_tile(
@@ -201,7 +205,8 @@ impl Job<'_> {
             let index = morton.wrapping_mul(shadow.rays).wrapping_add(ray);
             let [u, v] = match shadow.stratified {
                 true => Sequence::new(self.seed, index).next_2d(),
-                false => [1, 2].map(|i| unit_f32(hash_u32(self.seed ^ hash_u32(2 * index + i)))),
+                false => [0, 1]
+                    .map(|i| unit_f32(hash_u32(self.seed ^ hash_u32(index.wrapping_mul(2) | i)))),
             };
             let Some(draw) = draw_light(u * total, receiver, lane, list, weights, d_min_sq) else {
                 continue;
@@ -280,7 +285,9 @@ fn draw_light<'l>(
     for light in &list[run * RUN..((run + 1) * RUN).min(list.len())] {
         let offset = std::array::from_fn(|a| light.position[a] - p[a]);
         let geometry = contribution::geometry(light, offset, n, d_min_sq);
-        let weight = light.shadow_weight * light.blend(offset) * geometry;
+        // Rounded as in the walk.
+        let share = light.blend(offset) * geometry;
+        let weight = light.shadow_weight * share;
         if weight > 0.0 {
             drawn = Some(Draw { light, geometry });
             if left < weight {

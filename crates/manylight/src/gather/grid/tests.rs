@@ -1,6 +1,7 @@
 use super::*;
 use crate::math::{Sequence, luminance, uniform_sphere};
 use crate::settings::GridSettings;
+use crate::surface::SurfacePoint;
 use crate::vlight::Vpl;
 use glam::{DVec3, Vec3};
 
@@ -163,4 +164,53 @@ fn degenerate_sets_build() {
         let settings = GridSettings { levels: Some(levels), ..Default::default() };
         assert_eq!(LightingGrid::build(&lights(50), &settings, 0.1).levels.len(), levels as usize);
     }
+}
+
+#[test]
+fn culling_drops_no_light_that_gives_something() {
+    let settings = crate::settings::Settings::default();
+    let grid = grid_of(6000, 6);
+    let shells = tiles::shells(&grid, &settings.grid);
+    let surface = |position: Vec3, ns: Vec3| SurfacePoint {
+        position,
+        ng: ns,
+        ns,
+        albedo: Vec3::ONE,
+        emission: Vec3::ZERO,
+        unlit: false,
+    };
+    let bounds = |s: &[SurfacePoint]| tiles::Bounds::of(s.iter()).expect("receivers");
+    let (mut all, mut wider, mut list) = (Vec::new(), Vec::new(), Vec::new());
+    let everywhere = [surface(Vec3::splat(-1e4), -Vec3::ONE), surface(Vec3::splat(1e4), Vec3::ONE)];
+    tiles::collect(&grid, &shells, &settings, &bounds(&everywhere), &mut all);
+    assert_eq!(all.len(), grid.light_count());
+    let sum = |list: &[tiles::TileLight], s: &SurfacePoint| -> (f64, usize) {
+        let term = |light: &tiles::TileLight| {
+            let offset = (Vec3::from(light.position) - s.position).to_array();
+            light.blend(offset) * contribution::geometry(light, offset, s.ns.to_array(), 0.01)
+        };
+        let terms: Vec<f32> = list.iter().map(term).filter(|t| *t > 0.0).collect();
+        (terms.iter().map(|&t| f64::from(t)).sum(), terms.len())
+    };
+    let mut kept = 0;
+    for block in 0..40 {
+        // Patches of receivers of growing size, bent a little, near and far from the lights.
+        let mut s = Sequence::new(31, block);
+        let (center, n) = (uniform_sphere(s.next_2d()) * 6.0 * s.next_1d(), s.next_2d());
+        let normal = uniform_sphere(n);
+        let receivers: Vec<SurfacePoint> = (0..16)
+            .map(|_| {
+                let bent = (normal + uniform_sphere(s.next_2d()) * 0.2).normalize();
+                let offset = uniform_sphere(s.next_2d()) * 0.02 * (1 + block) as f32;
+                surface(Vec3::new(3.0, -2.0, 8.0) + center + offset, bent)
+            })
+            .collect();
+        tiles::collect(&grid, &shells, &settings, &bounds(&receivers), &mut wider);
+        for tile in receivers.chunks(4) {
+            tiles::narrow(&wider, &shells, &bounds(tile), &mut list);
+            kept += list.len();
+            tile.iter().for_each(|s| assert_eq!(sum(&list, s), sum(&all, s)));
+        }
+    }
+    assert!(kept < all.len() * 160 / 4, "{kept} of {}", all.len() * 160);
 }

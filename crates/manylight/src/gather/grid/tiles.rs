@@ -98,7 +98,7 @@ impl TileLight {
             true => (light.normal, light.variance),
             false => (light.normal.normalize_or_zero(), Vec3::ZERO),
         };
-        let is_drawn = shell.level >= settings.shadow.start_level;
+        let is_drawn = shell.level >= settings.shadow.start_level || shell.outer.is_infinite();
         Self {
             position: light.position.to_array(),
             normal: normal.to_array(),

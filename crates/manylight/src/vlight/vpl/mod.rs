@@ -13,7 +13,7 @@ use glam::Vec3;
 ///
 /// E at a receiver = I · max(0, n_x·w) · max(0, −n·w) · min(1/d², 1/d_min²) · V
 #[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Vpl {
     /// World position.
     pub position: Vec3,
