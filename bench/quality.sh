@@ -17,10 +17,12 @@ print(",".join(sys.argv[1:3] + [f"{r[k]:.4g}" if isinstance(r[k], float) else st
   done <<'VARIANTS'
 default --set seed=0
 default-mean --set shadow.estimate=mean
-alpha1 --set grid.alpha=1
-alpha1-mean --set grid.alpha=1 --set shadow.estimate=mean
-alpha1-point --set grid.alpha=1 --set grid.spread=false
-alpha1.5-point --set grid.alpha=1.5 --set grid.spread=false
+start1 --set grid.start_level=1
+start1-mean --set grid.start_level=1 --set shadow.estimate=mean
+start1-alpha1 --set grid.start_level=1 --set grid.alpha=1
+start1-alpha1-mean --set grid.start_level=1 --set grid.alpha=1 --set shadow.estimate=mean
+start1-alpha1-point --set grid.start_level=1 --set grid.alpha=1 --set grid.spread=false
+start1-alpha1.5-point --set grid.start_level=1 --set grid.alpha=1.5 --set grid.spread=false
 paper-alpha1 --preset paper
 paper-alpha2 --preset paper --set grid.alpha=2
 VARIANTS

@@ -120,8 +120,9 @@ group! {
         alpha: f32 = 1.1,
         /// Number of levels, 2 to 14; null: chosen from the number and the spread of the lights.
         levels: Option<u32> = None,
-        /// 0 evaluates the virtual lights themselves near the receiver, 1 starts at the grid.
-        start_level: u32 = 1,
+        /// 0 evaluates the virtual lights themselves near the receiver, 1 starts at the grid (the
+        /// paper).
+        start_level: u32 = 0,
         /// 6: a grid light per vertex and dominant normal axis; 1: one per vertex (the paper).
         lobes: u32 = 6,
         /// Whether a grid light shines as the spread of the lights it stands for; false: as a
@@ -205,7 +206,7 @@ impl Settings {
             }
             "paper" => {
                 s.grid.alpha = 1.0;
-                (s.grid.lobes, s.grid.spread) = (1, false);
+                (s.grid.lobes, s.grid.spread, s.grid.start_level) = (1, false, 1);
                 (s.shadow.start_level, s.shadow.stratified) = (2, false);
                 (s.shadow.target, s.shadow.estimate) =
                     (ShadowTarget::Variance, ShadowEstimate::Mean);

@@ -95,7 +95,7 @@ fn every_variant_of_the_grid_takes_effect_and_stays_near_brute_force() {
     let variants = [
         ("grid.lobes", "1", 0.5),
         ("grid.spread", "false", 0.3),
-        ("grid.start_level", "0", 0.1),
+        ("grid.start_level", "1", 0.1),
         ("grid.levels", "4", 0.3),
         ("shadow.target", "variance", 0.5),
         ("shadow.estimate", "mean", 0.1),
