@@ -134,13 +134,14 @@ group! {
 group! {
     /// Shadow rays of the grid method.
     ShadowSettings {
-        /// Rays per pixel and gather, 0 to 256, half of it and at least one for the sky; 0: virtual
-        /// lights cast no shadows. Sun, point and spot lights always take a ray each, of up to four.
+        /// Rays per pixel and gather, 0 to 256, half of it and at least one for the sky; 0:
+        /// virtual lights cast no shadows. Sun, point and spot lights always take a ray each, up
+        /// to four.
         rays: u32 = 4,
         /// What a ray aims at.
         target: ShadowTarget = ShadowTarget::Vpl,
-        /// Lowest grid level whose lights are drawn for shadows; 0 is for virtual lights themselves.
-        /// The top level is always drawn.
+        /// Lowest grid level whose lights are drawn for shadows; 0 is for virtual lights
+        /// themselves. The top level is always drawn.
         start_level: u32 = 0,
         /// Whether the draws of a pixel and its neighbors are stratified against each other;
         /// false: independent (the paper).
