@@ -1,7 +1,9 @@
-//! Building: a binary tree by obvhs, collapsed to eight-wide nodes over triangle packs.
+//! Building: a binary tree by obvhs, or a balanced one where that would take too long or
+//! be too deep, collapsed to eight-wide nodes over triangle packs.
 
+use super::balanced::build_balanced;
 use super::pack::{EMPTY, LEAF, Node, OPAQUE, Pack};
-use super::{Bvh, Triangle, WIDTH};
+use super::{Bvh, MAX_DEPTH, Triangle, WIDTH};
 use obvhs::{BvhBuildParams, aabb::Aabb, bvh2::Bvh2};
 
 impl Bvh {
@@ -12,17 +14,41 @@ impl Bvh {
     pub fn build(triangles: &[Triangle]) -> Self {
         let boxes: Vec<Aabb> =
             triangles.iter().map(|t| Aabb::from_points(&t.corners.map(Into::into))).collect();
-        let mut bvh = Self { nodes: vec![Node::EMPTY], packs: Vec::new() };
         if boxes.is_empty() {
-            return bvh;
+            return Self { nodes: vec![Node::EMPTY], packs: Vec::new() };
         }
-        let params = BvhBuildParams { max_prims_per_leaf: 4, ..BvhBuildParams::medium_build() };
-        let tree =
-            obvhs::bvh2::builder::build_bvh2(&boxes, params, &mut std::time::Duration::default());
-        let counts = count_triangles(&tree);
-        Collapse { tree: &tree, counts: &counts, triangles, bvh: &mut bvh }.fill_root();
-        bvh
+        if !is_stacked(&boxes) {
+            let params = BvhBuildParams { max_prims_per_leaf: 4, ..BvhBuildParams::medium_build() };
+            let time = &mut std::time::Duration::default();
+            let tree = obvhs::bvh2::builder::build_bvh2(&boxes, params, time);
+            let (bvh, depth) = collapse(&tree, triangles);
+            if depth <= MAX_DEPTH {
+                return bvh;
+            }
+        }
+        collapse(&build_balanced(&boxes), triangles).0
     }
+}
+
+/// The wide tree with the same leaves, and its number of levels.
+fn collapse(tree: &Bvh2, triangles: &[Triangle]) -> (Bvh, usize) {
+    let mut bvh = Bvh { nodes: vec![Node::EMPTY], packs: Vec::new() };
+    let counts = count_triangles(tree);
+    let depth = Collapse { tree, counts: &counts, triangles, bvh: &mut bvh }.fill_root();
+    (bvh, depth)
+}
+
+/// Boxes that cover the scene's box more often than this are no case for a tree by cost.
+const MAX_OVERLAP: f32 = 1000.0;
+
+/// Whether most boxes lie in one another, as those of triangles stacked at one place.
+///
+/// The builder merges one pair per pass where one neighbor suits all: its time grows with the
+/// square of their number, and gives a chain.
+fn is_stacked(boxes: &[Aabb]) -> bool {
+    let whole = boxes.iter().fold(Aabb::INVALID, |whole, aabb| whole.union(aabb));
+    let sum: f32 = boxes.iter().map(|aabb| aabb.half_area() / whole.half_area()).sum();
+    sum > MAX_OVERLAP
 }
 
 /// Triangles below each binary node.
@@ -58,10 +84,13 @@ impl Collapse<'_> {
         self.counts[index as usize] <= WIDTH as u32
     }
 
-    fn fill_root(&mut self) {
+    /// Fills all nodes; returns the number of their levels.
+    fn fill_root(&mut self) -> usize {
+        let mut deepest = 0;
         // Work list instead of recursion: binary trees over bad scenes can be very deep.
-        let mut work = vec![(0u32, 0u32)];
-        while let Some((binary, wide)) = work.pop() {
+        let mut work = vec![(0u32, 0u32, 1)];
+        while let Some((binary, wide, depth)) = work.pop() {
+            deepest = deepest.max(depth);
             for (slot, child) in self.gather_children(binary).into_iter().enumerate() {
                 let aabb = *self.tree.nodes[child as usize].aabb();
                 let target = if self.is_leaf(child) {
@@ -69,7 +98,7 @@ impl Collapse<'_> {
                 } else {
                     self.bvh.nodes.push(Node::EMPTY);
                     let index = (self.bvh.nodes.len() - 1) as u32;
-                    work.push((child, index));
+                    work.push((child, index, depth + 1));
                     index
                 };
                 let node = &mut self.bvh.nodes[wide as usize];
@@ -81,6 +110,7 @@ impl Collapse<'_> {
             }
         }
         debug_assert!(self.bvh.nodes[0].children[0] != EMPTY);
+        deepest
     }
 
     /// Opens the largest inner child until eight are found.

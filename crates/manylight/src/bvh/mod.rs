@@ -2,8 +2,9 @@
 //!
 //! In: triangles with an opacity flag · Out: [`Bvh`], closest hit and any hit
 //! Paper: `[Wald14]` for wide nodes and triangle packs; the binary tree is built by obvhs (PLOC).
-//! Limits: at most 2^27 packs; bounds are not refitted.
+//! Limits: at most 2^27 packs and [`MAX_DEPTH`] levels; bounds are not refitted.
 
+mod balanced;
 mod build;
 mod pack;
 mod traverse;
@@ -14,6 +15,9 @@ use pack::{Node, Pack};
 
 /// Children per node and triangles per leaf pack.
 const WIDTH: usize = 8;
+
+/// Most levels of nodes; the traversal's stack has room for no more.
+const MAX_DEPTH: usize = 72;
 
 /// A triangle handed to the builder.
 #[derive(Clone, Copy, Debug)]

@@ -107,3 +107,29 @@ fn degenerate_scenes_miss_and_do_not_hang() {
     let ray = Ray { direction: Vec3::ZERO, ..random_ray(0) };
     assert!(bvh.closest(&ray, |_| true).is_none());
 }
+
+#[test]
+fn stacks_and_nests_are_built_in_time_and_hit() {
+    // Equal triangles, and ones that contain each other: quadratic time would be hours here, and
+    // the tree of least cost a chain deeper than any stack.
+    let triangle = |scale: f32| Triangle {
+        corners: [Vec3::ZERO, Vec3::X * scale, Vec3::Y * scale],
+        opaque: true,
+    };
+    let equal = vec![triangle(1.0); 200_000];
+    let nested: Vec<_> = (0..200_000).map(|i| triangle(1.0 + 1e-5 * i as f32)).collect();
+    // A nest in the corner of a large scene, which the builder does meet.
+    let mut corner = nested[..5000].to_vec();
+    let far = triangle(1000.0).corners.map(|c| c - Vec3::splat(1000.0));
+    corner.push(Triangle { corners: far, opaque: true });
+    for triangles in [equal, nested, corner] {
+        let bvh = Bvh::build(&triangles);
+        let (origin, direction) = (Vec3::new(0.2, 0.2, 1.0), Vec3::NEG_Z);
+        let ray = Ray { origin, direction, t_max: 9.0 };
+        let hit = bvh.closest(&ray, |_| true);
+        assert!(hit.is_some_and(|h| (h.t - 1.0).abs() < 1e-6), "{hit:?}");
+        assert!(bvh.occluded(&ray, |_| true));
+        let beside = Ray { origin: Vec3::new(2.0, 2.0, 1.0), ..ray };
+        assert!(!bvh.occluded(&beside, |_| true));
+    }
+}

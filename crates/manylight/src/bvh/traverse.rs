@@ -5,7 +5,7 @@
 //! the same bits.
 
 use super::pack::{LEAF, Lanes, NO_TRIANGLE, Node, OPAQUE, Pack};
-use super::{Bvh, WIDTH};
+use super::{Bvh, MAX_DEPTH, WIDTH};
 use glam::Vec3;
 
 /// A half-open segment `origin + t·direction`, 0 < t < t_max.
@@ -30,8 +30,8 @@ pub struct RayHit {
     pub triangle: u32,
 }
 
-/// Deepest stack: seven siblings for each of the levels a tree over 2^31 triangles can have.
-const STACK_SIZE: usize = 512;
+/// Deepest stack: the siblings of every level, and the last node's children.
+const STACK_SIZE: usize = MAX_DEPTH * (WIDTH - 1) + WIDTH;
 
 /// Lets barycentrics pass an edge by this, so that no ray slips between two triangles.
 const EDGE_SLACK: f32 = 1e-6;

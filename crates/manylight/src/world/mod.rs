@@ -17,7 +17,7 @@ use manylight_scene::Scene;
 /// Most triangles that the copies of one instanced mesh may add to the shared hierarchy.
 pub const COPY_LIMIT: u64 = 4_000_000;
 /// Most triangles that the copies of all instanced meshes may add to it.
-pub const COPIES_LIMIT: u64 = 16_000_000;
+pub const COPIES_LIMIT: u64 = 8_000_000;
 
 /// Geometry, materials and ray queries of one scene.
 #[derive(Debug)]
