@@ -2,7 +2,7 @@
 //!
 //! In: triangles with an opacity flag · Out: [`Bvh`], closest hit and any hit
 //! Paper: `[Wald14]` for wide nodes and triangle packs; the binary tree is built by obvhs (PLOC).
-//! Limits: at most 2^27 packs and [`MAX_DEPTH`] levels; bounds are not refitted.
+//! Limits: at most 2^27 packs and 72 levels; bounds are not refitted.
 
 mod balanced;
 mod build;
