@@ -15,8 +15,8 @@ use crate::{Error, SkyMap};
 
 const MAX_SIDE: usize = 32768;
 const MAX_TEXELS: usize = 1 << 27;
-/// Brightest texel kept, W·m⁻²·sr⁻¹.
-const MAX_RADIANCE: f32 = 1e15;
+/// Brightest texel, emission, intensity or irradiance kept; sums and squares of it stay finite.
+pub(crate) const MAX_RADIANCE: f32 = 1e15;
 
 /// Reads an equirectangular map.
 pub(crate) fn load_sky_map(

@@ -187,6 +187,11 @@ group! {
     }
 }
 
+/// Fewest levels of a lighting grid: one cell of level 1 in eight.
+pub const MIN_LEVELS: u32 = 2;
+/// Most levels of a lighting grid.
+pub const MAX_LEVELS: u32 = 14;
+
 /// Names of the presets, from quick to thorough, and the paper's own.
 pub const PRESETS: [&str; 6] = ["draft", "fast", "balanced", "fine", "exhaustive", "paper"];
 
@@ -304,6 +309,7 @@ impl Settings {
     /// Path, value, least and most of every number; what is left to the program is in its range.
     fn ranges(&self) -> [(&'static str, f64, f64, f64); 15] {
         let Self { vpls, grid, shadow, film, .. } = self;
+        let levels = grid.levels.unwrap_or(MIN_LEVELS);
         [
             ("seed", self.seed.into(), 0.0, u32::MAX.into()),
             ("vpls.count", vpls.count.into(), 1.0, 16e6),
@@ -311,11 +317,11 @@ impl Settings {
             ("vpls.bounces", vpls.bounces.into(), 1.0, 64.0),
             ("vpls.d_min", vpls.d_min.unwrap_or(0.0).into(), 0.0, 1e6),
             ("grid.alpha", grid.alpha.into(), 0.25, 16.0),
-            ("grid.levels", grid.levels.unwrap_or(2).into(), 2.0, 14.0),
+            ("grid.levels", levels.into(), MIN_LEVELS.into(), MAX_LEVELS.into()),
             ("grid.start_level", grid.start_level.into(), 0.0, 1.0),
             ("grid.lobes", grid.lobes.into(), 1.0, 6.0),
             ("shadow.rays", shadow.rays.into(), 0.0, 256.0),
-            ("shadow.start_level", shadow.start_level.into(), 0.0, 14.0),
+            ("shadow.start_level", shadow.start_level.into(), 0.0, MAX_LEVELS.into()),
             ("filter.passes", self.filter.passes.into(), 1.0, 8.0),
             ("path.spp", self.path.spp.into(), 1.0, 1_048_576.0),
             ("film.samples", film.samples.into(), 1.0, 4096.0),

@@ -5,9 +5,10 @@
 
 use glam::{DAffine3, DVec3, Vec3};
 
-use super::{Document, MAX_RADIANCE};
+use super::Document;
 use crate::error::Warnings;
 use crate::json::Item;
+use crate::sky::MAX_RADIANCE;
 use crate::{Camera, Error, Light, Projection, Sky};
 
 /// The light a node carries, shining along its −Z; `None` with a warning if unusable.

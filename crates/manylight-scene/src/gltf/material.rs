@@ -6,9 +6,10 @@ use glam::{Vec3, Vec4};
 
 use super::buffer::Resolver;
 use super::texture::Textures;
-use super::{Budget, Document, MAX_RADIANCE};
+use super::{Budget, Document};
 use crate::error::Warnings;
 use crate::json::Item;
+use crate::sky::MAX_RADIANCE;
 use crate::{AlphaMode, Error, Material, Scene};
 
 /// All materials in file order.

@@ -35,9 +35,6 @@ pub(crate) const SUPPORTED: &[&str] = &[
     "KHR_texture_transform",
 ];
 
-/// Brightest emission, intensity or irradiance kept; sums and squares of it stay finite.
-const MAX_RADIANCE: f32 = 1e15;
-
 /// A parsed file: its JSON and its bytes.
 #[derive(Debug)]
 pub(crate) struct Document<'a> {

@@ -109,13 +109,8 @@ impl Bvh {
                 let pack = &self.packs[(reference & !LEAF) as usize];
                 let (mask, t, u, v) = intersect_pack(pack, &prepared, t_max);
                 for lane in lanes_of(mask) {
-                    let id = pack.id[lane];
-                    let hit = RayHit {
-                        t: t[lane],
-                        barycentrics: [u[lane], v[lane]],
-                        triangle: id & !OPAQUE,
-                    };
-                    if t[lane] < t_max && (id & OPAQUE != 0 || accept(&hit)) {
+                    let (hit, is_opaque) = hit_in(pack, lane, [t[lane], u[lane], v[lane]]);
+                    if hit.t < t_max && (is_opaque || accept(&hit)) {
                         t_max = hit.t;
                         best = Some(hit);
                     }
@@ -159,13 +154,8 @@ impl Bvh {
                 let pack = &self.packs[(reference & !LEAF) as usize];
                 let (mask, t, u, v) = intersect_pack(pack, &prepared, ray.t_max);
                 for lane in lanes_of(mask) {
-                    let id = pack.id[lane];
-                    let hit = RayHit {
-                        t: t[lane],
-                        barycentrics: [u[lane], v[lane]],
-                        triangle: id & !OPAQUE,
-                    };
-                    if id & OPAQUE != 0 || accept(&hit) {
+                    let (hit, is_opaque) = hit_in(pack, lane, [t[lane], u[lane], v[lane]]);
+                    if is_opaque || accept(&hit) {
                         return true;
                     }
                 }
@@ -173,6 +163,13 @@ impl Bvh {
         }
         false
     }
+}
+
+/// The hit of one triangle of a pack, and whether the triangle is opaque.
+#[inline(always)]
+fn hit_in(pack: &Pack, lane: usize, [t, u, v]: [f32; 3]) -> (RayHit, bool) {
+    let id = pack.id[lane];
+    (RayHit { t, barycentrics: [u, v], triangle: id & !OPAQUE }, id & OPAQUE != 0)
 }
 
 /// Positions of the set bits.

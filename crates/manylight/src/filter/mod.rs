@@ -11,9 +11,10 @@ use rayon::prelude::*;
 
 /// One-dimensional B3 spline.
 const KERNEL: [f32; 5] = [1.0 / 16.0, 4.0 / 16.0, 6.0 / 16.0, 4.0 / 16.0, 1.0 / 16.0];
-/// Distance from the receiver's plane that halves a weight's exponent, per metre of depth.
+/// Distance from the receiver's plane that halves a weight, per metre of depth.
 const PLANE_SLACK: f32 = 0.01;
-/// 1 / the squared albedo difference that counts as an edge.
+/// 1 / the squared albedo difference that halves a weight: another material is likely another
+/// surface, where normals and planes do not tell.
 const ALBEDO_SCALE: f32 = 1.0 / (0.4 * 0.4);
 
 /// How many standard deviations apart two ratios halve each other's weight.

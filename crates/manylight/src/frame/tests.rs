@@ -118,6 +118,41 @@ fn every_variant_of_the_grid_takes_effect_and_stays_near_brute_force() {
 }
 
 #[test]
+fn a_lone_plane_with_bent_normals_lights_nothing_but_the_eye() {
+    // Sky above a plane: whatever the shading normals, no light is scattered twice.
+    let bent = Vec3::new(0.8, 0.6, 0.0);
+    let corner = |x, z| Vec3::new(x, 0.0, z);
+    let plane = manylight_scene::Mesh {
+        positions: vec![corner(-9.0, -9.0), corner(-9.0, 9.0), corner(9.0, 9.0), corner(9.0, -9.0)],
+        normals: vec![bent; 4],
+        triangles: vec![[0, 1, 2], [0, 2, 3]],
+        ..Default::default()
+    };
+    let mut shot = manylight_scene::builtin("cornell").expect("cornell");
+    shot.scene = Scene {
+        meshes: vec![plane],
+        instances: vec![manylight_scene::Instance {
+            mesh: 0,
+            world_from_object: glam::Affine3A::IDENTITY,
+        }],
+        materials: vec![manylight_scene::Material {
+            base_color: glam::Vec4::new(0.5, 0.5, 0.5, 1.0),
+            ..Default::default()
+        }],
+        sky: Some(Sky::Constant(Vec3::ONE)),
+        ..Default::default()
+    };
+    (shot.camera.position, shot.camera.forward) = (Vec3::new(0.0, 2.0, 0.0), Vec3::NEG_Y);
+    shot.camera.up = Vec3::NEG_Z;
+    let renderer = Renderer::new(shot.scene).expect("a plane");
+    for method in [Method::Path, Method::Brute] {
+        let layers = render(&renderer, &shot.camera, [6, 6], &settings(method));
+        assert!(energy(&layers.direct) > 0.1, "{method:?}");
+        assert_eq!(energy(&layers.indirect), 0.0, "{method:?}");
+    }
+}
+
+#[test]
 fn every_preset_renders() {
     let (renderer, camera) = renderer("cornell");
     for name in crate::settings::PRESETS {

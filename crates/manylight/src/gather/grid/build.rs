@@ -4,9 +4,9 @@
 //! same bits at any thread count, without atomics.
 //! Cost: one sort of the virtual lights, then about 8 additions a light and 3.4 a grid light.
 
-use super::record::{GridLight, Level, LightingGrid, MAX_LEVELS};
+use super::record::{GridLight, Level, LightingGrid};
 use crate::math::luminance;
-use crate::settings::GridSettings;
+use crate::settings::{GridSettings, MAX_LEVELS, MIN_LEVELS};
 use crate::vlight::Vpl;
 use glam::{IVec3, Vec3};
 use rayon::prelude::*;
@@ -60,8 +60,6 @@ impl LightingGrid {
     }
 }
 
-/// Fewest levels: one cell of level 1 in eight.
-const MIN_LEVELS: u32 = 2;
 /// Most lights of level 1 per virtual light.
 const MOST_PER_VPL: usize = 4;
 

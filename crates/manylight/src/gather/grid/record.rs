@@ -3,9 +3,6 @@
 use crate::vlight::Vpl;
 use glam::Vec3;
 
-/// Most levels of a hierarchy.
-pub const MAX_LEVELS: u32 = 14;
-
 /// The share of the virtual lights around one grid vertex that face one way.
 #[derive(Clone, Copy, Debug)]
 pub struct GridLight {
