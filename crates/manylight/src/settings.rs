@@ -115,9 +115,12 @@ group! {
 group! {
     /// The lighting grid hierarchy `[LinYuksel19]`.
     GridSettings {
-        /// r_l = alpha · h_l: how far a level reaches, 0.25 to 16. Cost grows about with its
-        /// square.
-        alpha: f32 = 1.1,
+        /// r_l = alpha · h_l: how far a level reaches, 0.25 to 16; null: chosen from 0.5 to 4 for
+        /// `evals`.
+        alpha: Option<f32> = None,
+        /// Lights that a pixel evaluates on average, about, unless alpha is set; 16 to 65,536.
+        /// More: truer, and the time of the lighting in proportion.
+        evals: u32 = 480,
         /// Number of levels, 2 to 14; null: chosen from the number and the spread of the lights.
         levels: Option<u32> = None,
         /// 0 evaluates the virtual lights themselves near the receiver, 1 starts at the grid (the
@@ -187,6 +190,9 @@ group! {
     }
 }
 
+/// Least and most alpha that is chosen for a number of lights.
+pub(crate) const MIN_AUTO_ALPHA: f32 = 0.5;
+pub(crate) const MAX_AUTO_ALPHA: f32 = 4.0;
 /// Fewest levels of a lighting grid: one cell of level 1 in eight.
 pub const MIN_LEVELS: u32 = 2;
 /// Most levels of a lighting grid.
@@ -202,16 +208,16 @@ impl Settings {
     pub fn preset(name: &str) -> Result<Self, Error> {
         let mut s = Self::default();
         match name {
-            "draft" => (s.vpls.count, s.grid.alpha, s.shadow.rays) = (20_000, 0.75, 2),
-            "fast" => (s.vpls.count, s.grid.alpha) = (50_000, 0.9),
+            "draft" => (s.vpls.count, s.grid.evals, s.shadow.rays) = (20_000, 200, 2),
+            "fast" => (s.vpls.count, s.grid.evals) = (50_000, 300),
             "balanced" => {}
-            "fine" => (s.vpls.count, s.grid.alpha, s.shadow.rays) = (300_000, 1.5, 8),
+            "fine" => (s.vpls.count, s.grid.evals, s.shadow.rays) = (300_000, 800, 8),
             "exhaustive" => {
-                (s.vpls.count, s.grid.alpha, s.shadow.rays) = (1_000_000, 2.0, 32);
+                (s.vpls.count, s.grid.evals, s.shadow.rays) = (1_000_000, 1500, 32);
                 (s.vpls.bounces, s.film.samples) = (8, 4);
             }
             "paper" => {
-                s.grid.alpha = 1.0;
+                s.grid.alpha = Some(1.0);
                 (s.grid.lobes, s.grid.spread, s.grid.start_level) = (1, false, 1);
                 (s.shadow.start_level, s.shadow.stratified) = (2, false);
                 (s.shadow.target, s.shadow.estimate) =
@@ -307,7 +313,7 @@ impl Settings {
     }
 
     /// Path, value, least and most of every number; what is left to the program is in its range.
-    fn ranges(&self) -> [(&'static str, f64, f64, f64); 15] {
+    fn ranges(&self) -> [(&'static str, f64, f64, f64); 16] {
         let Self { vpls, grid, shadow, film, .. } = self;
         let levels = grid.levels.unwrap_or(MIN_LEVELS);
         [
@@ -316,7 +322,8 @@ impl Settings {
             ("vpls.emitter_count", vpls.emitter_count.into(), 1.0, 16e6),
             ("vpls.bounces", vpls.bounces.into(), 1.0, 64.0),
             ("vpls.d_min", vpls.d_min.unwrap_or(0.0).into(), 0.0, 1e6),
-            ("grid.alpha", grid.alpha.into(), 0.25, 16.0),
+            ("grid.alpha", grid.alpha.unwrap_or(1.0).into(), 0.25, 16.0),
+            ("grid.evals", grid.evals.into(), 16.0, 65_536.0),
             ("grid.levels", levels.into(), MIN_LEVELS.into(), MAX_LEVELS.into()),
             ("grid.start_level", grid.start_level.into(), 0.0, 1.0),
             ("grid.lobes", grid.lobes.into(), 1.0, 6.0),
@@ -384,7 +391,7 @@ mod tests {
         s.set("grid.alpha", "1.5").expect("known");
         s.set("method", "brute").expect("known");
         s.set("shadow.target", "variance").expect("known");
-        assert_eq!((s.grid.alpha, s.method), (1.5, Method::Brute));
+        assert_eq!((s.grid.alpha, s.method), (Some(1.5), Method::Brute));
         assert_eq!(s.shadow.target, ShadowTarget::Variance);
     }
 

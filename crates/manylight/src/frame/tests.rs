@@ -40,7 +40,7 @@ fn virtual_lights_fill_the_furnace_too() {
         let mut s = settings(method);
         (s.vpls.count, s.vpls.emitter_count) = (20_000, 20_000);
         (s.vpls.bounces, s.vpls.d_min) = (12, Some(0.01));
-        s.grid.alpha = 3.0;
+        s.grid.alpha = Some(3.0);
         let mean = energy(&render(&renderer, &camera, [8, 8], &s).beauty());
         assert!((mean - 1.0).abs() < 0.03, "{method:?} {mean}");
     }

@@ -6,25 +6,32 @@
 //! horizon cuts. To second order in spread over distance, and bounded beyond:
 //!
 //! - 1/d⁴ pulls the cosines' mean position towards the receiver: offset ∘ d²/(d² + 4v);
-//! - its own mean is (1 + 12 Σ vᵢ wᵢ² / far²) / far⁴ with far² = d² + FAR Σ vᵢ, which to second
+//! - its own mean is 1/far⁴ + 12 Σ vᵢ·offsetᵢ² / far⁸ with far² = d² + FAR Σ vᵢ, which to second
 //!   order is 1/d⁴ · (1 + Σ vᵢ (12 wᵢ² − 2) / d²) for FAR = 1;
-//! - each clamped cosine is the mean of the clamp over a uniform spread.
+//! - each clamped cosine is the mean of the clamp over a uniform spread;
+//! - the mean of the two cosines' product is that of their means and their covariance −Σ nᵢ·mᵢ·vᵢ.
 
 use super::tiles::TileLight;
 use glam::Vec3;
 
 /// Share of the variance that adds to the squared distance; 1 is second order at large distances,
-/// a little less makes up for the orders left out near by.
-const FAR: f32 = 0.8;
-/// Distance below which a light counts as this far, in standard deviations and in m: only keeps the
-/// arithmetic finite.
-const NEAREST: [f32; 2] = [1e-2, 1e-10];
-/// Least width of a soft clamp: keeps the fraction finite where there is no spread.
+/// less makes up for the orders left out near by (`docs/decisions/0002-spread-of-grid-lights.md`).
+const FAR: f32 = 0.65;
+/// Squared distances below and above which a light counts as this far, in variances and in m²: only
+/// keep the arithmetic finite.
+const NEAREST_SQ: [f32; 2] = [1e-2, 1e-12];
+const FARTHEST_SQ: f32 = 1e12;
+/// Least width of a soft clamp, m: keeps the fraction finite where there is no spread.
 const NO_SPREAD: f32 = 1e-10;
 
-/// Distance from which on [`geometry`] is right.
-pub(super) fn nearest(total_variance: f32) -> f32 {
-    NEAREST[0] * total_variance.sqrt() + NEAREST[1]
+/// Squared distance from which on [`geometry`] is right.
+pub(super) fn nearest_sq(total_variance: f32) -> f32 {
+    NEAREST_SQ[0] * total_variance + NEAREST_SQ[1]
+}
+
+/// What the spread adds to the squared distance in 1/d⁴.
+pub(super) fn far(total_variance: f32) -> f32 {
+    FAR * total_variance
 }
 
 /// Variance across a direction of normals with a mean.
@@ -55,41 +62,41 @@ pub(super) fn geometry(light: &TileLight, offset: [f32; 3], n: [f32; 3], d_min_s
     let [x, y, z] = offset;
     let [mx, my, mz] = light.normal;
     let [vx, vy, vz] = light.variance;
-    let dist = (x * x + y * y + z * z).sqrt();
-    let dist = if dist > light.nearest { dist } else { light.nearest };
+    let dist_sq = x * x + y * y + z * z;
+    let dist_sq = if dist_sq > light.nearest_sq { dist_sq } else { light.nearest_sq };
+    let dist_sq = if dist_sq < FARTHEST_SQ { dist_sq } else { FARTHEST_SQ };
 
-    // From here on lengths are in units of the distance: w is the direction, v the variance.
-    let inverse = 1.0 / dist;
-    let inverse_sq = inverse * inverse;
-    let [x, y, z] = [x * inverse, y * inverse, z * inverse];
-    let [vx, vy, vz] = [vx * inverse_sq, vy * inverse_sq, vz * inverse_sq];
-    let v = vx + vy + vz;
-
-    // r = 1/(1 + 4v) per axis, with one division.
-    let [ax, ay, az] = [1.0 + 4.0 * vx, 1.0 + 4.0 * vy, 1.0 + 4.0 * vz];
-    let product = 1.0 / (ax * ay * az);
-    let [rx, ry, rz] = [ay * az * product, az * ax * product, ax * ay * product];
+    // r = d²/(d² + 4v) per axis, with one division.
+    let [ax, ay, az] = [dist_sq + 4.0 * vx, dist_sq + 4.0 * vy, dist_sq + 4.0 * vz];
+    let scale = dist_sq / (ax * ay * az);
+    let [rx, ry, rz] = [ay * az * scale, az * ax * scale, ax * ay * scale];
+    // About 1/d²: with it the squares of lengths below stay small numbers without a unit.
+    let unit = dist_sq * scale;
 
     let [px, py, pz] = [x * rx, y * ry, z * rz];
     let [sx, sy, sz] = [vx * rx, vy * ry, vz * rz];
     let spread_x = n[0] * n[0] * sx + n[1] * n[1] * sy + n[2] * n[2] * sz;
-    let spread_l = mx * mx * sx + my * my * sy + mz * mz * sz + light.normal_spread;
+    let spread_l = mx * mx * sx + my * my * sy + mz * mz * sz + light.normal_spread * dist_sq;
+    let joint = n[0] * mx * sx + n[1] * my * sy + n[2] * mz * sz;
     let cos_x = SoftClamp::new(n[0] * px + n[1] * py + n[2] * pz, spread_x);
     let cos_l = SoftClamp::new(-(mx * px + my * py + mz * pz), spread_l);
+    let cosines = cos_x.above * cos_l.above - joint * cos_x.open * cos_l.open;
+    let cosines = if cosines > 0.0 { cosines } else { 0.0 };
 
-    let far_sq = 1.0 + FAR * v;
-    let along = 12.0 * (vx * x * x + vy * y * y + vz * z * z);
-    let clamp = d_min_sq * inverse_sq;
-    let clamped = if far_sq > clamp { far_sq } else { clamp };
-    let above = cos_x.above * cos_l.above * (far_sq + along);
-    let below = cos_x.below * cos_l.below * far_sq * far_sq * clamped;
-    inverse_sq * above / below
+    let far = (dist_sq + light.far) * unit;
+    let along = 12.0 * (vx * x * x + vy * y * y + vz * z * z) * unit * unit;
+    let clamp = d_min_sq * unit;
+    let clamped = if far > clamp { far } else { clamp };
+    let below = cos_x.below * cos_l.below * (far * far) * (far * clamped);
+    (cosines * unit) * (far * far + along) * unit / below
 }
 
 /// Mean of max(0, a + t) for t uniform with a variance, as a fraction.
 struct SoftClamp {
     above: f32,
     below: f32,
+    /// Share of t for which a + t > 0, over `below`.
+    open: f32,
 }
 
 impl SoftClamp {
@@ -103,7 +110,7 @@ impl SoftClamp {
         let t = if t < 2.0 * half_width { t } else { 2.0 * half_width };
         let rest = a - half_width;
         let rest = if rest > 0.0 { rest } else { 0.0 };
-        Self { above: t * t + below * rest, below }
+        Self { above: t * t + below * rest, below, open: 2.0 * t }
     }
 }
 
@@ -113,7 +120,7 @@ mod tests {
     use crate::math::{Sequence, uniform_sphere};
 
     fn soft_clamp(a: f32, variance: f32) -> f32 {
-        let SoftClamp { above, below } = SoftClamp::new(a, variance);
+        let SoftClamp { above, below, .. } = SoftClamp::new(a, variance);
         above / below
     }
 
@@ -138,7 +145,8 @@ mod tests {
             let light = TileLight {
                 normal: normal.to_array(),
                 variance: variance.to_array(),
-                nearest: nearest(variance.element_sum()),
+                nearest_sq: nearest_sq(variance.element_sum()),
+                far: far(variance.element_sum()),
                 normal_spread: normal_spread(normal),
                 ..TileLight::default()
             };
@@ -177,7 +185,8 @@ mod tests {
         let patch = |i: usize| Vec3::new(at(i % SIDE), 0.0, at(i / SIDE));
         let variance = (0..SIDE).map(|i| at(i) * at(i)).sum::<f32>() / SIDE as f32;
         let point = TileLight { normal: [0.0, 1.0, 0.0], ..TileLight::default() };
-        let spread = TileLight { variance: [variance, 0.0, variance], ..point };
+        let spread =
+            TileLight { variance: [variance, 0.0, variance], far: far(2.0 * variance), ..point };
         let (mut error, mut point_error, mut sum) = (0.0, 0.0, 0.0);
         for i in 0..400 {
             let mut s = Sequence::new(5, i);

@@ -9,10 +9,12 @@
 mod build;
 mod contribution;
 mod draw;
+mod reach;
 mod record;
 mod sample;
 mod tiles;
 
+pub use reach::choose_alpha;
 pub use record::{GridLight, Level, LightingGrid};
 pub use sample::{TILE, gather};
 

@@ -7,6 +7,7 @@
 //! so that the draws of a pixel and of its neighbors can be stratified.
 
 use super::contribution;
+use super::reach::choose_alpha;
 use super::record::LightingGrid;
 use super::tiles::{Bounds, Shell, TileLight, collect, level_of, narrow, shells};
 use crate::gather::Gathered;
@@ -50,7 +51,7 @@ pub fn gather(
     if grid.levels.is_empty() {
         return out;
     }
-    let shells = shells(grid, &settings.grid);
+    let shells = shells(grid, choose_alpha(grid, receivers, settings));
     let job = Job { world, receivers, grid, settings, d_min, seed, shells: &shells };
     let (blocks_x, blocks_y) =
         (receivers.width.div_ceil(TILE_BLOCK), receivers.height.div_ceil(TILE_BLOCK));
@@ -355,7 +356,8 @@ mod tests {
                     position: position.to_array(),
                     normal: normal.to_array(),
                     variance: variance.to_array(),
-                    nearest: contribution::nearest(variance.element_sum()),
+                    nearest_sq: contribution::nearest_sq(variance.element_sum()),
+                    far: contribution::far(variance.element_sum()),
                     normal_spread: contribution::normal_spread(normal),
                     intensity: [1.0; 3],
                     shadow_weight: s.next_1d().powi(3),

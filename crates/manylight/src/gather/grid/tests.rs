@@ -122,9 +122,9 @@ fn draws_follow_the_shares_exactly() {
 #[test]
 fn blending_is_a_partition_of_unity_with_the_stated_shells() {
     for start_level in [0, 1] {
-        let settings = GridSettings { start_level, alpha: 1.25, ..Default::default() };
+        let settings = GridSettings { start_level, ..Default::default() };
         let grid = LightingGrid::build(&lights(4000), &settings, 0.1);
-        let shells = tiles::shells(&grid, &settings);
+        let shells = tiles::shells(&grid, 1.25);
         assert_eq!(shells.len(), grid.levels.len() + usize::from(start_level == 0));
         for i in 0..4000 {
             let d = i as f32 * 0.01;
@@ -133,9 +133,9 @@ fn blending_is_a_partition_of_unity_with_the_stated_shells() {
         }
     }
     // Level 2 rises from r/2 to r and falls to zero at 2r.
-    let settings = GridSettings { alpha: 2.0, start_level: 1, ..Default::default() };
+    let settings = GridSettings { start_level: 1, ..Default::default() };
     let grid = LightingGrid::build(&lights(4000), &settings, 0.1);
-    let shells = tiles::shells(&grid, &settings);
+    let shells = tiles::shells(&grid, 2.0);
     let r = 2.0 * grid.levels[1].cell_size;
     let expected = [(0.5, 0.0), (0.75, 0.5), (1.0, 1.0), (1.5, 0.5), (2.0, 0.0), (3.0, 0.0)];
     for (x, y) in expected {
@@ -170,7 +170,7 @@ fn degenerate_sets_build() {
 fn culling_drops_no_light_that_gives_something() {
     let settings = crate::settings::Settings::default();
     let grid = grid_of(6000, 6);
-    let shells = tiles::shells(&grid, &settings.grid);
+    let shells = tiles::shells(&grid, 1.1);
     let surface = |position: Vec3, ns: Vec3| SurfacePoint {
         position,
         ng: ns,

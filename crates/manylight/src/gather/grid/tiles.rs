@@ -2,7 +2,7 @@
 
 use super::contribution;
 use super::record::{GridLight, Level, LightingGrid};
-use crate::settings::{GridSettings, Settings};
+use crate::settings::Settings;
 use crate::surface::SurfacePoint;
 use glam::Vec3;
 
@@ -14,8 +14,12 @@ pub(super) struct TileLight {
     pub normal: [f32; 3],
     /// Per-axis variance of the position, m².
     pub variance: [f32; 3],
-    /// Distance below which the light counts as this far, m.
-    pub nearest: f32,
+    /// Squared distance below which the light counts as this far, m².
+    pub nearest_sq: f32,
+    /// What the spread adds to the squared distance, m².
+    pub far: f32,
+    /// What the spread takes from the squared distance that blending sees, m².
+    pub nearer: f32,
     /// Variance of the normals across a direction.
     pub normal_spread: f32,
     /// How far behind its mean plane the light may still shine, see
@@ -53,15 +57,26 @@ impl Shell {
     }
 }
 
+/// What a spread takes from the squared distance that blending sees, as a share of the variance.
+///
+/// Blending by the distances of mean positions gives a virtual light the trilinear mean of the
+/// weights around it, ½ σ² ∇²b more than its own. σ doubles from level to level, so that all levels
+/// together give too much where one rises and another falls. Along a surface, two of three axes
+/// vary, ∇²b is b′/d between the bends, and half the variance makes up for that; fitted with the
+/// rest of the spread, see [`contribution`].
+const NEARER: f32 = 0.3;
+/// Most variance of a grid light over three axes, in squared cells.
+const MOST_VARIANCE: f32 = 3.0;
+
 /// Blending of all levels: rises r/2 … r above the start level, falls r … 2r below the top.
 ///
 /// Source: [LinYuksel19, Fig. 2]; level 0 takes r_0 = r_1/2.
-pub(super) fn shells(grid: &LightingGrid, settings: &GridSettings) -> Vec<Shell> {
+pub(super) fn shells(grid: &LightingGrid, alpha: f32) -> Vec<Shell> {
     const ALWAYS: [f32; 2] = [0.0, 1.0];
     let top = grid.levels.len() as u32;
     let radius = |level: u32| match level {
-        0 => settings.alpha * grid.levels[0].cell_size * 0.5,
-        _ => settings.alpha * grid.levels[level as usize - 1].cell_size,
+        0 => alpha * grid.levels[0].cell_size * 0.5,
+        _ => alpha * grid.levels[level as usize - 1].cell_size,
     };
     let start = if grid.level0.lights.is_empty() { 1 } else { 0 };
     let shell = |level: u32| {
@@ -87,7 +102,8 @@ impl TileLight {
     /// Share of the light that this level gives at an offset from the receiver.
     #[inline(always)]
     pub(super) fn blend(&self, [x, y, z]: [f32; 3]) -> f32 {
-        let dist = (x * x + y * y + z * z).sqrt();
+        let dist_sq = x * x + y * y + z * z - self.nearer;
+        let dist = (if dist_sq > 0.0 { dist_sq } else { 0.0 }).sqrt();
         let rise = clamp01(dist * self.rise[0] + self.rise[1]);
         let fall = clamp01(dist * self.fall[0] + self.fall[1]);
         if rise < fall { rise } else { fall }
@@ -98,12 +114,15 @@ impl TileLight {
             true => (light.normal, light.variance),
             false => (light.normal.normalize_or_zero(), Vec3::ZERO),
         };
+        let total_variance = variance.element_sum();
         let is_drawn = shell.level >= settings.shadow.start_level || shell.outer.is_infinite();
         Self {
             position: light.position.to_array(),
             normal: normal.to_array(),
             variance: variance.to_array(),
-            nearest: contribution::nearest(variance.element_sum()),
+            nearest_sq: contribution::nearest_sq(total_variance),
+            far: contribution::far(total_variance),
+            nearer: NEARER * total_variance,
             normal_spread: contribution::normal_spread(normal),
             reach_behind: contribution::reach_behind(normal, variance),
             reach_below: contribution::reach_below(variance),
@@ -165,7 +184,8 @@ pub(super) fn collect(
         }
         // A light lies within one cell of its vertex.
         let to_lattice = |p: Vec3| (p - grid.origin) / level.cell_size;
-        let reach = shell.outer / level.cell_size + 1.0;
+        let outer = shell.outer / level.cell_size;
+        let reach = (outer * outer + NEARER * MOST_VARIANCE).sqrt() + 1.0;
         let low = (to_lattice(bounds.position[0]) - reach).floor().as_ivec3();
         let high = (to_lattice(bounds.position[1]) + reach).ceil().as_ivec3();
         level.for_each_in(low.to_array(), high.to_array(), visit);
@@ -192,8 +212,8 @@ fn is_in_reach(light: &TileLight, shell: &Shell, bounds: &Bounds) -> bool {
     let [low, high] = bounds.position.map(|p| p - center);
     let nearest = Vec3::ZERO.clamp(low, high);
     let farthest_sq = low.abs().max(high.abs()).length_squared();
-    if nearest.length_squared() >= shell.outer * shell.outer
-        || farthest_sq <= shell.inner * shell.inner
+    if nearest.length_squared() >= shell.outer * shell.outer + light.nearer
+        || farthest_sq <= shell.inner * shell.inner + light.nearer
     {
         return false;
     }
