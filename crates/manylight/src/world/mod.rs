@@ -2,7 +2,8 @@
 //! rays meet them.
 //!
 //! In: [`Scene`] · Out: [`World`] · Limits: instances are copied into one hierarchy unless the
-//! copies would hold more than [`COPY_LIMIT`] triangles of one mesh or [`COPIES_LIMIT`] in all.
+//! copies would hold more than [`COPY_LIMIT`] triangles of one mesh or [`COPIES_LIMIT`] in all;
+//! then their triangles are kept once, below a hierarchy over the instances' boxes.
 
 mod alpha;
 mod texture;
