@@ -6,13 +6,12 @@
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::{Bvh2, node::Bvh2Node};
 
-/// Most boxes of a leaf.
-const LEAF_BOXES: usize = 4;
-
 /// Splits in the middle of the axis along which the centers are spread most.
 ///
+/// A leaf holds at most `leaf_boxes`.
+///
 /// Cost: O(n log n); depth log2 n
-pub(super) fn build_balanced(boxes: &[Aabb]) -> Bvh2 {
+pub(super) fn build_balanced(boxes: &[Aabb], leaf_boxes: usize) -> Bvh2 {
     let mut order: Vec<u32> = (0..boxes.len() as u32).collect();
     let mut nodes = vec![Bvh2Node::default()];
     let mut work = vec![(0, 0..boxes.len())];
@@ -23,7 +22,7 @@ pub(super) fn build_balanced(boxes: &[Aabb]) -> Bvh2 {
             bounds = bounds.union(&boxes[id as usize]);
             centers.extend(boxes[id as usize].center());
         }
-        if ids.len() <= LEAF_BOXES {
+        if ids.len() <= leaf_boxes {
             nodes[node] = Bvh2Node::new(bounds, ids.len() as u32, range.start as u32);
             continue;
         }

@@ -1,15 +1,24 @@
 //! Rays against triangles: an eight-wide bounding volume hierarchy.
 //!
 //! In: triangles with an opacity flag · Out: [`Bvh`], closest hit and any hit
-//! Paper: `[Wald14]` for wide nodes and triangle packs; the binary tree is built by obvhs (PLOC).
+//! In: boxes · Out: [`BoxTree`], the boxes along a ray
+//! Paper: `[Wald14]` for wide nodes and triangle packs, `[Ylitie17]` for collapsing a binary tree
+//! (built by obvhs, PLOC) to them, `[IzeHansen11]` for the order of children.
 //! Limits: at most 2^27 packs and 72 levels; bounds are not refitted.
 
 mod balanced;
+mod boxes;
 mod build;
+mod collapse;
+mod lanes;
+mod order;
 mod pack;
 mod traverse;
+mod triangles;
 
-pub use traverse::{Ray, RayHit};
+pub use boxes::BoxTree;
+pub use traverse::Ray;
+pub use triangles::RayHit;
 
 use pack::{Node, Pack};
 

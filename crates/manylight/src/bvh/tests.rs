@@ -61,6 +61,73 @@ fn closest_and_occluded_agree_with_a_loop_over_all_triangles() {
 }
 
 #[test]
+fn plain_lanes_and_registers_give_the_same_bits() {
+    let triangles = random_triangles(3000, 1.5);
+    let bvh = Bvh::build(&triangles);
+    let mut met = 0;
+    for i in 0..2000 {
+        let ray = random_ray(i);
+        let mut leaves = triangles::Nearest { packs: &bvh.packs, accept: |_: &_| true, best: None };
+        traverse::visit_near_lanes::<lanes::Plain>(&bvh.nodes, &ray, &mut leaves);
+        let bits = |h: RayHit| (h.triangle, [h.t, h.barycentrics[0], h.barycentrics[1]]);
+        assert_eq!(leaves.best.map(bits), bvh.closest(&ray, |_| true).map(bits));
+        met += u32::from(leaves.best.is_some());
+    }
+    assert!(met > 1000);
+}
+
+#[test]
+fn every_triangle_is_in_one_pack_and_slots_are_filled_from_the_first() {
+    for count in [1, 9, 5000] {
+        let bvh = Bvh::build(&random_triangles(count, 0.5));
+        let mut seen = vec![0; count as usize];
+        let ids = bvh.packs.iter().flat_map(|p| p.id).filter(|&id| id != pack::NO_TRIANGLE);
+        ids.for_each(|id| seen[(id & !pack::OPAQUE) as usize] += 1);
+        assert!(seen.iter().all(|&n| n == 1));
+        for node in &bvh.nodes {
+            assert!(node.children.is_sorted_by_key(|&c| c == pack::EMPTY));
+        }
+    }
+}
+
+#[test]
+fn boxes_along_a_ray_are_all_met_and_none_behind_its_end() {
+    let boxes: Vec<[Vec3; 2]> = random_triangles(2000, 1.0)
+        .iter()
+        .map(|t| {
+            let [a, b, c] = t.corners;
+            [a.min(b).min(c), a.max(b).max(c)]
+        })
+        .collect();
+    let tree = BoxTree::build(&boxes);
+    for i in 0..500 {
+        let ray = random_ray(i);
+        let enter = |b: [Vec3; 2]| {
+            let sides = b.map(|p| (p - ray.origin) / ray.direction);
+            let near = sides[0].min(sides[1]).max_element().max(0.0);
+            (near < sides[0].max(sides[1]).min_element().min(ray.t_max)).then_some(near)
+        };
+        let mut met = Vec::new();
+        tree.visit_near(&ray, |index, t_max| {
+            met.push(index);
+            t_max
+        });
+        for (k, b) in boxes.iter().enumerate() {
+            assert!(enter(*b).is_none() || met.contains(&(k as u32)), "box {k} of ray {i}");
+        }
+        let mut end = ray.t_max;
+        tree.visit_near(&ray, |index, t_max| {
+            assert_eq!(t_max, end);
+            let t = enter(boxes[index as usize]).unwrap_or(end);
+            assert!(t <= end + 1e-5, "box {index} of ray {i} lies behind the end");
+            end = end.min(t);
+            end
+        });
+        assert_eq!(tree.visit_any(&ray, |_| true), !met.is_empty());
+    }
+}
+
+#[test]
 fn no_ray_slips_through_a_closed_mesh() {
     // A fan of thin triangles around an axis: every ray downwards must be stopped.
     let ring = |i: u32| {

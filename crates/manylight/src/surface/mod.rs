@@ -8,8 +8,8 @@ mod receivers;
 pub use receivers::{PixelSample, Receivers, ViewFrame};
 
 use crate::world::{Hit, World, sample_rgba, sample_srgb};
-use glam::Vec3;
-use manylight_scene::{Mesh, TextureSlot};
+use glam::{Vec2, Vec3};
+use manylight_scene::{Material, Mesh, TextureSlot};
 
 /// A point on a surface, seen from one side.
 #[derive(Clone, Copy, Debug)]
@@ -36,17 +36,43 @@ impl SurfacePoint {
     }
 }
 
+/// A triangle that a ray met, looked up once.
+struct Met<'a> {
+    world: &'a World,
+    mesh: &'a Mesh,
+    material: &'a Material,
+    instance: u32,
+    /// Vertex indices.
+    vertices: [u32; 3],
+    /// Corners in the world.
+    corners: [Vec3; 3],
+    /// Unit normal of the front side.
+    front: Vec3,
+    barycentrics: [f32; 2],
+}
+
 impl World {
     /// Unit normal of the front side of a triangle (counter-clockwise corners in object space).
     pub fn front_normal(&self, instance: u32, triangle: u32) -> Vec3 {
         let mesh = self.mesh_of(instance);
-        let [a, b, c] = mesh.triangles[triangle as usize].map(|v| mesh.positions[v as usize]);
+        let positions = mesh.triangles[triangle as usize].map(|v| mesh.positions[v as usize]);
+        self.front_normal_of(instance, positions, || self.corners(instance, triangle))
+    }
+
+    /// The same by its corners in object space, and in the world where those do not do.
+    #[inline]
+    fn front_normal_of(
+        &self,
+        instance: u32,
+        [a, b, c]: [Vec3; 3],
+        corners: impl FnOnce() -> [Vec3; 3],
+    ) -> Vec3 {
         let normal = self.world_normal(instance, (b - a).cross(c - a));
         if normal != Vec3::ZERO {
             return normal;
         }
         // A singular transform has no cofactors left: take the flattened triangle itself.
-        let [a, b, c] = self.corners(instance, triangle);
+        let [a, b, c] = corners();
         (b - a).cross(c - a).normalize_or(Vec3::Y)
     }
 
@@ -63,28 +89,25 @@ impl World {
     ///
     /// Space: `direction` is the ray's; normals face its origin
     pub fn surface(&self, hit: &Hit, direction: Vec3, normal_maps: bool) -> SurfacePoint {
-        let mesh = self.mesh_of(hit.instance);
-        let material = self.material_of(hit.instance);
-        let corners = mesh.triangles[hit.triangle as usize];
+        let met = Met::new(self, hit);
+        let (mesh, material) = (met.mesh, met.material);
         let [u, v] = hit.barycentrics;
-        let [a, b, c] = self.corners(hit.instance, hit.triangle);
+        let [a, b, c] = met.corners;
         let position = a + (b - a) * u + (c - a) * v;
 
         // Normals, turned to the side the ray came from.
-        let front = self.front_normal(hit.instance, hit.triangle);
-        let from_front = front.dot(direction) <= 0.0;
-        let ng = if from_front { front } else { -front };
-        let ns = self.shading_normal(hit, front, normal_maps);
+        let from_front = met.front.dot(direction) <= 0.0;
+        let ng = if from_front { met.front } else { -met.front };
+        let ns = met.shading_normal(normal_maps);
         let ns = if ns.dot(ng) < 0.0 { -ns } else { ns };
 
         // Color: factor, texture, vertex color.
         let mut color = material.base_color.truncate();
         if let Some(slot) = &material.base_color_texture {
-            let uv = self.uv(mesh, slot, corners, hit.barycentrics);
-            color *= sample_srgb(&self.scene.images, slot, uv).truncate();
+            color *= sample_srgb(&self.scene.images, slot, met.uv(slot)).truncate();
         }
         if !mesh.colors.is_empty() {
-            let [a, b, c] = corners.map(|i| mesh.colors[i as usize].truncate());
+            let [a, b, c] = met.vertices.map(|i| mesh.colors[i as usize].truncate());
             color *= a + (b - a) * u + (c - a) * v;
         }
         let color = color.clamp(Vec3::ZERO, Vec3::ONE);
@@ -98,38 +121,56 @@ impl World {
         };
         SurfacePoint { position, ng, ns, albedo: color, emission, unlit: false }
     }
+}
 
-    fn shading_normal(&self, hit: &Hit, front: Vec3, normal_maps: bool) -> Vec3 {
-        let mesh = self.mesh_of(hit.instance);
-        let [u, v] = hit.barycentrics;
-        let corners = mesh.triangles[hit.triangle as usize];
-        let mut normal = front;
-        if !mesh.normals.is_empty() {
-            let [a, b, c] = corners.map(|i| mesh.normals[i as usize]);
-            let smooth = self.world_normal(hit.instance, a + (b - a) * u + (c - a) * v);
-            normal = if smooth == Vec3::ZERO { front } else { smooth };
+impl<'a> Met<'a> {
+    fn new(world: &'a World, hit: &Hit) -> Self {
+        let placed = &world.scene.instances[hit.instance as usize];
+        let mesh = &world.scene.meshes[placed.mesh as usize];
+        let vertices = mesh.triangles[hit.triangle as usize];
+        let positions = vertices.map(|v| mesh.positions[v as usize]);
+        let corners = positions.map(|p| placed.world_from_object.transform_point3(p));
+        Self {
+            world,
+            mesh,
+            material: &world.scene.materials[mesh.material as usize],
+            instance: hit.instance,
+            vertices,
+            corners,
+            front: world.front_normal_of(hit.instance, positions, || corners),
+            barycentrics: hit.barycentrics,
         }
-        let material = self.material_of(hit.instance);
-        match &material.normal_texture {
-            Some(slot) if normal_maps => {
-                self.bend_normal(hit, mesh, slot, material.normal_scale, normal)
-            }
+    }
+
+    fn uv(&self, slot: &TextureSlot) -> Vec2 {
+        self.world.uv(self.mesh, slot, self.vertices, self.barycentrics)
+    }
+
+    fn shading_normal(&self, normal_maps: bool) -> Vec3 {
+        let [u, v] = self.barycentrics;
+        let mut normal = self.front;
+        if !self.mesh.normals.is_empty() {
+            let [a, b, c] = self.vertices.map(|i| self.mesh.normals[i as usize]);
+            let smooth = self.world.world_normal(self.instance, a + (b - a) * u + (c - a) * v);
+            normal = if smooth == Vec3::ZERO { self.front } else { smooth };
+        }
+        match &self.material.normal_texture {
+            Some(slot) if normal_maps => self.bend_normal(slot, normal),
             _ => normal,
         }
     }
 
     /// Applies a tangent-space normal map.
-    fn bend_normal(&self, hit: &Hit, mesh: &Mesh, slot: &TextureSlot, scale: f32, n: Vec3) -> Vec3 {
-        let corners = mesh.triangles[hit.triangle as usize];
-        let uv = self.uv(mesh, slot, corners, hit.barycentrics);
-        let texel = sample_rgba(&self.scene.images, slot, uv).truncate() * 2.0 - 1.0;
-        let [u, v] = hit.barycentrics;
-        let matrix = self.scene.instances[hit.instance as usize].world_from_object;
-        let (tangent, handedness) = if mesh.tangents.is_empty() {
-            let Some(frame) = self.uv_tangent(hit, mesh, slot) else { return n };
+    fn bend_normal(&self, slot: &TextureSlot, n: Vec3) -> Vec3 {
+        let images = &self.world.scene.images;
+        let texel = sample_rgba(images, slot, self.uv(slot)).truncate() * 2.0 - 1.0;
+        let (tangent, handedness) = if self.mesh.tangents.is_empty() {
+            let Some(frame) = self.uv_tangent(slot) else { return n };
             frame
         } else {
-            let [a, b, c] = corners.map(|i| mesh.tangents[i as usize]);
+            let [u, v] = self.barycentrics;
+            let matrix = &self.world.scene.instances[self.instance as usize].world_from_object;
+            let [a, b, c] = self.vertices.map(|i| self.mesh.tangents[i as usize]);
             let t = a + (b - a) * u + (c - a) * v;
             let mirrored = matrix.matrix3.determinant() < 0.0;
             let sign = if mirrored { -t.w } else { t.w };
@@ -137,26 +178,26 @@ impl World {
         };
         let Some(tangent) = (tangent - n * n.dot(tangent)).try_normalize() else { return n };
         let bitangent = n.cross(tangent) * handedness.signum();
+        let scale = self.material.normal_scale;
         (tangent * (texel.x * scale) + bitangent * (texel.y * scale) + n * texel.z)
             .try_normalize()
             .unwrap_or(n)
     }
 
-    /// World tangent along +u and the handedness of the texture coordinates of one triangle.
-    fn uv_tangent(&self, hit: &Hit, mesh: &Mesh, slot: &TextureSlot) -> Option<(Vec3, f32)> {
-        let set = &mesh.uvs[usize::from(slot.uv_set).min(1)];
+    /// World tangent along +u and the handedness of the triangle's texture coordinates.
+    fn uv_tangent(&self, slot: &TextureSlot) -> Option<(Vec3, f32)> {
+        let set = &self.mesh.uvs[usize::from(slot.uv_set).min(1)];
         if set.is_empty() {
             return None;
         }
-        let [a, b, c] = mesh.triangles[hit.triangle as usize].map(|i| set[i as usize]);
+        let [a, b, c] = self.vertices.map(|i| set[i as usize]);
         let (d1, d2) = (b - a, c - a);
         let determinant = d1.perp_dot(d2);
-        let [pa, pb, pc] = self.corners(hit.instance, hit.triangle);
+        let [pa, pb, pc] = self.corners;
         let tangent = ((pb - pa) * d2.y - (pc - pa) * d1.y) * determinant.signum();
         // Rows of an image grow downward, the green channel points up: the bitangent follows −v.
-        let front = self.front_normal(hit.instance, hit.triangle);
         let world_front = (pb - pa).cross(pc - pa);
-        let winding = if world_front.dot(front) < 0.0 { -1.0 } else { 1.0 };
+        let winding = if world_front.dot(self.front) < 0.0 { -1.0 } else { 1.0 };
         (determinant.abs() > 0.0).then_some((tangent, -determinant.signum() * winding))
     }
 }

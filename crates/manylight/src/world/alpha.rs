@@ -58,6 +58,7 @@ impl World {
     }
 
     /// Texture coordinates of a point; zero where the mesh has none.
+    #[inline]
     pub(crate) fn uv(
         &self,
         mesh: &manylight_scene::Mesh,

@@ -2,14 +2,15 @@
 //! rays meet them.
 //!
 //! In: [`Scene`] · Out: [`World`] · Limits: instances are copied into one hierarchy unless the
-//! copies would hold more than [`COPY_LIMIT`] triangles of one mesh or [`COPIES_LIMIT`] in all.
+//! copies would hold more than [`COPY_LIMIT`] triangles of one mesh or [`COPIES_LIMIT`] in all;
+//! then their triangles are kept once, below a hierarchy over the instances' boxes.
 
 mod alpha;
 mod texture;
 
 pub use texture::{sample_rgba, sample_srgb};
 
-use crate::bvh::{Bvh, Ray, Triangle};
+use crate::bvh::{BoxTree, Bvh, Ray, Triangle};
 use crate::error::Error;
 use glam::{Affine3A, Mat3A, Vec3};
 use manylight_scene::Scene;
@@ -32,26 +33,24 @@ pub struct World {
     flat: Bvh,
     /// Builder position → instance and triangle.
     flat_triangles: Vec<[u32; 2]>,
-    /// Meshes that are instanced too often to be copied.
-    shared: Vec<SharedMesh>,
+    /// Meshes that are instanced too often to be copied, in object space; builder positions are
+    /// those of the mesh's triangles.
+    shared: Vec<Bvh>,
+    /// Their instances.
+    placements: Vec<Placement>,
+    /// The boxes of `placements`.
+    placement_tree: BoxTree,
     /// Bounds of all triangles.
     pub bounds: [Vec3; 2],
 }
 
-/// A hierarchy in object space with the instances that place it.
-#[derive(Debug)]
-struct SharedMesh {
-    bvh: Bvh,
-    /// Builder position → triangle of the mesh.
-    triangles: Vec<u32>,
-    instances: Vec<Placement>,
-}
-
+/// An instance of a shared mesh.
 #[derive(Debug)]
 struct Placement {
     instance: u32,
+    /// Index into `World::shared`.
+    shared: u32,
     object_from_world: Affine3A,
-    bounds: [Vec3; 2],
 }
 
 /// Where a ray met the scene.
@@ -73,6 +72,11 @@ impl World {
     /// Errors: a scene without a triangle of positive area
     /// Cost:   O(n log n), dominated by the hierarchy
     pub fn new(scene: Scene) -> Result<Self, Error> {
+        Self::sharing(scene, is_shared)
+    }
+
+    /// `new` with another rule than [`is_shared`] for which meshes share a hierarchy.
+    fn sharing(scene: Scene, is_shared: fn(u64, u64, u64) -> bool) -> Result<Self, Error> {
         let mut placements = vec![Vec::new(); scene.meshes.len()];
         for (index, instance) in scene.instances.iter().enumerate() {
             placements[instance.mesh as usize].push(index as u32);
@@ -88,21 +92,24 @@ impl World {
             flat: Bvh::build(&[]),
             flat_triangles: Vec::new(),
             shared: Vec::new(),
+            placements: Vec::new(),
+            placement_tree: BoxTree::build(&[]),
             bounds: [Vec3::INFINITY, Vec3::NEG_INFINITY],
             scene,
         };
-        let mut flat = Vec::new();
+        let (mut flat, mut boxes) = (Vec::new(), Vec::new());
         let mut copied = 0;
         for (mesh, instances) in placements.iter().enumerate() {
             let triangles = world.scene.meshes[mesh].triangles.len() as u64;
             if is_shared(triangles, instances.len() as u64, copied) {
-                world.add_shared(mesh, instances);
+                world.add_shared(mesh, instances, &mut boxes);
             } else {
                 copied += triangles * (instances.len() as u64).saturating_sub(1);
                 instances.iter().for_each(|&i| world.add_flat(i, &mut flat));
             }
         }
         world.flat = Bvh::build(&flat);
+        world.placement_tree = BoxTree::build(&boxes);
         if !world.bounds[0].is_finite() {
             return Err(Error::Scene {
                 scene: world.scene.name.clone(),
@@ -123,36 +130,28 @@ impl World {
         }
     }
 
-    fn add_shared(&mut self, mesh: usize, instances: &[u32]) {
+    /// Adds a mesh once and its instances with their boxes.
+    fn add_shared(&mut self, mesh: usize, instances: &[u32], boxes: &mut Vec<[Vec3; 2]>) {
         let source = &self.scene.meshes[mesh];
         let opaque = !self.has_holes[source.material as usize];
         let corners = |t: &[u32; 3]| t.map(|v| source.positions[v as usize]);
         let build: Vec<Triangle> =
             source.triangles.iter().map(|t| Triangle { corners: corners(t), opaque }).collect();
-        let triangles = (0..build.len() as u32).collect();
-        let [low, high] = bounds_of(build.iter().flat_map(|t| t.corners));
-        let mut placed = Vec::new();
+        let bounds = bounds_of(build.iter().flat_map(|t| t.corners));
+        let shared = self.shared.len() as u32;
+        self.shared.push(Bvh::build(&build));
         for &instance in instances {
             let world_from_object = self.scene.instances[instance as usize].world_from_object;
-            let corner = |i: u32| {
-                let pick = |axis: u32, a: f32, b: f32| if i >> axis & 1 == 0 { a } else { b };
-                let p = Vec3::new(
-                    pick(0, low.x, high.x),
-                    pick(1, low.y, high.y),
-                    pick(2, low.z, high.z),
-                );
-                world_from_object.transform_point3(p)
-            };
-            let bounds = bounds_of((0..8).map(corner));
+            let bounds = placed_bounds(&world_from_object, bounds);
             // A flattened instance has no inverse and no area worth meeting from most sides.
             if world_from_object.matrix3.determinant().abs() < 1e-30 || !bounds[0].is_finite() {
                 continue;
             }
             self.bounds = [self.bounds[0].min(bounds[0]), self.bounds[1].max(bounds[1])];
             let object_from_world = world_from_object.inverse();
-            placed.push(Placement { instance, object_from_world, bounds });
+            self.placements.push(Placement { instance, shared, object_from_world });
+            boxes.push(bounds);
         }
-        self.shared.push(SharedMesh { bvh: Bvh::build(&build), triangles, instances: placed });
     }
 
     /// Widens the bounds by a triangle; false where it has no area.
@@ -219,18 +218,20 @@ impl World {
             let [instance, triangle] = self.flat_triangles[h.triangle as usize];
             Hit { t: h.t, barycentrics: h.barycentrics, instance, triangle }
         });
-        for (shared, placement) in self.placements() {
-            let t_max = best.map_or(ray.t_max, |b| b.t);
-            let Some(local) = placement.local_ray(ray, t_max) else { continue };
-            let of = |h: u32| shared.triangles[h as usize];
-            let hit = shared
-                .bvh
-                .closest(&local, |h| accept(placement.instance, of(h.triangle), h.barycentrics));
-            best = hit.map_or(best, |h| {
-                let (instance, triangle) = (placement.instance, of(h.triangle));
-                Some(Hit { t: h.t, barycentrics: h.barycentrics, instance, triangle })
-            });
+        if self.placements.is_empty() {
+            return best;
         }
+        let near = Ray { t_max: best.map_or(ray.t_max, |b| b.t), ..*ray };
+        self.placement_tree.visit_near(&near, |index, t_max| {
+            let Placement { instance, shared, .. } = self.placements[index as usize];
+            let local = self.placements[index as usize].local_ray(ray, t_max);
+            let hit = self.shared[shared as usize]
+                .closest(&local, |h| accept(instance, h.triangle, h.barycentrics));
+            let Some(h) = hit else { return t_max };
+            let (barycentrics, triangle) = (h.barycentrics, h.triangle);
+            best = Some(Hit { t: h.t, barycentrics, instance, triangle });
+            h.t
+        });
         best
     }
 
@@ -240,35 +241,42 @@ impl World {
         self.flat.occluded(ray, |h| {
             let [instance, triangle] = self.flat_triangles[h.triangle as usize];
             self.stops(ray, instance, triangle, h.barycentrics)
-        }) || self.placements().any(|(shared, placement)| {
-            placement.local_ray(ray, ray.t_max).is_some_and(|local| {
-                shared.bvh.occluded(&local, |h| {
-                    let triangle = shared.triangles[h.triangle as usize];
-                    self.stops(ray, placement.instance, triangle, h.barycentrics)
-                })
-            })
-        })
+        }) || self.is_occluded_by_placements(ray)
     }
 
-    fn placements(&self) -> impl Iterator<Item = (&SharedMesh, &Placement)> {
-        self.shared.iter().flat_map(|s| s.instances.iter().map(move |p| (s, p)))
+    fn is_occluded_by_placements(&self, ray: &Ray) -> bool {
+        !self.placements.is_empty()
+            && self.placement_tree.visit_any(ray, |index| {
+                let placement = &self.placements[index as usize];
+                let local = placement.local_ray(ray, ray.t_max);
+                self.shared[placement.shared as usize].occluded(&local, |h| {
+                    self.stops(ray, placement.instance, h.triangle, h.barycentrics)
+                })
+            })
     }
 }
 
 impl Placement {
-    /// The ray in object space, with the same t; `None` where it misses the bounds.
-    fn local_ray(&self, ray: &Ray, t_max: f32) -> Option<Ray> {
-        let inverse = ray.direction.recip();
-        let a = (self.bounds[0] - ray.origin) * inverse;
-        let b = (self.bounds[1] - ray.origin) * inverse;
-        let enter = a.min(b).max_element().max(0.0);
-        let leave = a.max(b).min_element().min(t_max);
-        (enter <= leave * 1.000_001).then(|| Ray {
+    /// The ray in object space, with the same t.
+    fn local_ray(&self, ray: &Ray, t_max: f32) -> Ray {
+        Ray {
             origin: self.object_from_world.transform_point3(ray.origin),
             direction: self.object_from_world.transform_vector3(ray.direction),
             t_max,
-        })
+        }
     }
+}
+
+/// The box in the world around a box in object space.
+fn placed_bounds(world_from_object: &Affine3A, [low, high]: [Vec3; 2]) -> [Vec3; 2] {
+    let corner = |i: u32| {
+        let pick = |axis: u32, a: f32, b: f32| if i >> axis & 1 == 0 { a } else { b };
+        Vec3::new(pick(0, low.x, high.x), pick(1, low.y, high.y), pick(2, low.z, high.z))
+    };
+    let [low, high] = bounds_of((0..8).map(|i| world_from_object.transform_point3(corner(i))));
+    // What a ray meets in object space may lie outside by the roundings of both spaces.
+    let slack = low.abs().max(high.abs()) * 1e-6;
+    [low - slack, high + slack]
 }
 
 /// Whether the instances of a mesh share one hierarchy, after others `copied` their triangles.

@@ -133,11 +133,8 @@ fn shared_instances_answer_like_copies() {
         })
         .collect();
     let copies = world_of(&placements, Material::default());
-    let mut shared = world_of(&[Affine3A::IDENTITY], Material::default());
-    shared.scene = copies.scene.clone();
-    shared.normal_matrices = copies.normal_matrices.clone();
-    (shared.flat, shared.flat_triangles) = (Bvh::build(&[]), Vec::new());
-    shared.add_shared(0, &[0, 1, 2, 3, 4, 5]);
+    let shared = World::sharing(copies.scene.clone(), |_, _, _| true).expect("triangles");
+    assert_eq!(shared.placements.len(), 6);
     for i in 0..2000 {
         let mut s = crate::math::Sequence::new(3, i);
         let origin = Vec3::new(s.next_1d() * 6.0 - 1.0, s.next_1d() * 2.0 - 0.5, -3.0);
@@ -146,5 +143,63 @@ fn shared_instances_answer_like_copies() {
         let (a, b) = (copies.closest(&ray), shared.closest(&ray));
         assert_eq!(copies.occluded(&ray), shared.occluded(&ray));
         assert_eq!(a.map(|h| (h.instance, h.triangle)), b.map(|h| (h.instance, h.triangle)));
+    }
+}
+
+/// A cube of n³ squares, one per unit of space, turned every which way.
+fn cloud(n: u32) -> Scene {
+    let placement = |i: u32| {
+        let at = Vec3::new((i % n) as f32, (i / n % n) as f32, (i / n / n) as f32);
+        let mut s = crate::math::Sequence::new(7, i);
+        Affine3A::from_translation(at)
+            * Affine3A::from_axis_angle(crate::math::uniform_sphere(s.next_2d()), s.next_1d() * 6.0)
+            * Affine3A::from_scale(Vec3::splat(0.4))
+    };
+    let placements: Vec<_> = (0..n * n * n).map(placement).collect();
+    world_of(&placements, Material::default()).scene
+}
+
+/// Rays through a cloud of edge `n`.
+fn cloud_ray(n: u32, i: u32) -> Ray {
+    let mut s = crate::math::Sequence::new(4, i);
+    let mut point = || Vec3::new(s.next_1d(), s.next_1d(), s.next_1d()) * n as f32;
+    let (origin, target) = (point(), point());
+    Ray { origin, direction: target - origin, t_max: 1.0 }
+}
+
+#[test]
+fn many_shared_instances_answer_like_copies() {
+    let n = 20;
+    let copies = World::new(cloud(n)).expect("triangles");
+    let shared = World::sharing(cloud(n), |_, _, _| true).expect("triangles");
+    assert_eq!((copies.placements.len(), shared.placements.len()), (0, 8000));
+    let mut differing = 0;
+    for i in 0..3000 {
+        let ray = cloud_ray(n, i);
+        let (a, b) = (copies.closest(&ray), shared.closest(&ray));
+        assert_eq!(b.is_some(), shared.occluded(&ray));
+        let names = |h: Option<Hit>| h.map(|h| (h.instance, h.triangle));
+        differing += u32::from(names(a) != names(b));
+        if let (Some(a), Some(b)) = (a, b) {
+            assert!(names(Some(a)) != names(Some(b)) || (a.t - b.t).abs() < 1e-4);
+        }
+    }
+    // A ray through an edge may round either way.
+    assert!(differing <= 2, "{differing} of 3000 rays differ");
+}
+
+#[test]
+fn rays_meet_few_of_many_instances() {
+    // A line through n³ boxes comes near n of them.
+    for n in [10, 40] {
+        let world = World::sharing(cloud(n), |_, _, _| true).expect("triangles");
+        let mut met = 0;
+        for i in 0..500 {
+            world.placement_tree.visit_any(&cloud_ray(n, i), |_| {
+                met += 1;
+                false
+            });
+        }
+        assert!(met / 500 < n, "{} of {} instances met per ray", met / 500, n * n * n);
     }
 }
