@@ -12,14 +12,18 @@ mod sweep;
 use crate::math::luminance;
 use crate::settings::FilterSettings;
 use crate::surface::{Receivers, ViewFrame};
-use glam::Vec3;
+use glam::Vec2;
 use planes::Planes;
 use rayon::prelude::*;
-use sweep::{Pass, Scratch, sweep_row};
+use sweep::{By, Pass, Scratch, sweep_row};
 
 /// Distance from the receiver's plane that halves a weight, in pixels at its depth for every pixel
 /// between the two.
-const PLANE_SLACK: f32 = 0.5;
+const PLANE_SLACK: f32 = 0.25;
+/// What positions are off by, as a share of their size.
+const ROUNDING: f32 = 4.0 * f32::EPSILON;
+/// Least trust: what failed to draw anything is likely in the dark itself.
+const LEAST_TRUST: f32 = 0.05;
 /// Variance of a ratio of one ray that is all seen or all hidden in its surroundings: what it may
 /// be although none of them says so.
 const LEAST_VARIANCE: f32 = 0.005;
@@ -29,6 +33,8 @@ const LEAST_VARIANCE: f32 = 0.005;
 pub struct Noisy<'a> {
     /// One share per receiver, 0…1.
     pub ratio: &'a [f32],
+    /// What each counts beside its neighbors; empty if all the same.
+    pub trust: &'a [f32],
     /// Rays behind each of them.
     pub rays: u32,
 }
@@ -46,10 +52,11 @@ pub fn atrous(
     settings: &FilterSettings,
 ) -> Vec<Vec<f32>> {
     let guides = guides(receivers, view);
-    let mut current = raw(noisy, &guides);
+    let (mut current, trust) = raw(noisy, &guides);
     // A first guess, blind to changes of the ratio, tells the variance of a share p of n rays:
     // p (1 − p) / n.
-    let mut guess = pass(&guides, &current, None, 1);
+    let blind = By::Nothing { trust: &trust };
+    let mut guess = Pass { guides: &guides, signals: &current, by: blind, step: 1 }.run();
     let (stride, pitch) = (guides.stride, current.pitch());
     let rows = guess.data.par_chunks_mut(pitch).zip(current.data.par_chunks_mut(pitch));
     rows.for_each(|(guess, current)| {
@@ -63,39 +70,54 @@ pub fn atrous(
             }
         }
     });
-    current = pass(&guides, &current, Some(&guess), 1);
+    let by = By::Guess { trust: &trust, guess: &guess };
+    current = Pass { guides: &guides, signals: &current, by, step: 1 }.run();
     for i in 1..settings.passes {
-        current = pass(&guides, &current, Some(&current), 1 << i);
+        let (by, step) = (By::Themselves, 1 << i);
+        current = Pass { guides: &guides, signals: &current, by, step }.run();
     }
     (0..noisy.len()).map(|signal| current.channel(2 * signal)).collect()
 }
 
-/// One pass with taps `step` receivers apart. Receivers are compared by `guess`, as far as its
-/// variance tells; without one, by their surfaces alone.
-fn pass(guides: &Planes, signals: &Planes, guess: Option<&Planes>, step: usize) -> Planes {
-    let mut out = Planes::new(signals.width, signals.height, signals.channels);
-    let pass = Pass { guides, signals, guess, step };
-    let mut rows: Vec<_> = out.data.chunks_mut(signals.pitch()).enumerate().collect();
-    // Rows that share taps follow one another.
-    rows.sort_by_key(|(y, _)| (y % step, *y));
-    rows.into_par_iter().with_min_len(8).for_each_init(
-        || Scratch::new(signals.channels / 2),
-        |scratch, (y, row)| sweep_row(&pass, y, scratch, row),
-    );
-    out
+impl Pass<'_> {
+    /// All rows.
+    fn run(&self) -> Planes {
+        let Planes { width, height, channels, .. } = *self.signals;
+        let mut out = Planes::new(width, height, channels);
+        let mut rows: Vec<_> = out.data.chunks_mut(self.signals.pitch()).enumerate().collect();
+        // Rows that share taps follow one another.
+        rows.sort_by_key(|(y, _)| (y % self.step, *y));
+        rows.into_par_iter().with_min_len(8).for_each_init(
+            || Scratch::new(channels / 2),
+            |scratch, (y, row)| sweep_row(self, y, scratch, row),
+        );
+        out
+    }
 }
 
-/// Value and variance of every share, the variance 1.
-fn raw(noisy: &[Noisy<'_>], guides: &Planes) -> Planes {
-    let mut raw = Planes::new(guides.width, guides.height, 2 * noisy.len());
-    let (width, stride, pitch) = (raw.width, raw.stride, raw.pitch());
-    raw.data.par_chunks_mut(pitch).enumerate().for_each(|(y, row)| {
-        for (row, noisy) in row.chunks_exact_mut(2 * stride).zip(noisy) {
-            row[..width].copy_from_slice(&noisy.ratio[y * width..(y + 1) * width]);
-            row[stride..].fill(1.0);
+/// Value and variance of every share, the variance 1; and the trust in it.
+fn raw(noisy: &[Noisy<'_>], guides: &Planes) -> (Planes, Planes) {
+    let (width, height, stride) = (guides.width, guides.height, guides.stride);
+    let mut raw = Planes::new(width, height, 2 * noisy.len());
+    let mut trust = Planes::new(width, height, noisy.len());
+    let (pitch, trust_pitch) = (raw.pitch(), trust.pitch());
+    let rows = raw.data.par_chunks_mut(pitch).zip(trust.data.par_chunks_mut(trust_pitch));
+    rows.enumerate().for_each(|(y, (raw, trust))| {
+        let pixels = y * width..(y + 1) * width;
+        let rows = raw.chunks_exact_mut(2 * stride).zip(trust.chunks_exact_mut(stride));
+        for ((raw, trust), noisy) in rows.zip(noisy) {
+            raw[..width].copy_from_slice(&noisy.ratio[pixels.clone()]);
+            raw[stride..].fill(1.0);
+            match noisy.trust.get(pixels.clone()) {
+                None => trust.fill(1.0),
+                Some(known) => {
+                    let pairs = trust.iter_mut().zip(known);
+                    pairs.for_each(|(trust, known)| *trust = known.max(LEAST_TRUST));
+                }
+            }
         }
     });
-    raw
+    (raw, trust)
 }
 
 /// What tells receivers apart: position, normal, luminance of the albedo, 1 / plane slack. The
@@ -104,14 +126,14 @@ fn raw(noisy: &[Noisy<'_>], guides: &Planes) -> Planes {
 fn guides(receivers: &Receivers, view: &ViewFrame) -> Planes {
     let mut guides = Planes::new(receivers.width, receivers.height, sweep::GUIDES);
     let (width, stride, pitch) = (guides.width, guides.stride, guides.pitch());
-    let found = receivers.samples.iter().find_map(|s| s.surface.as_ref());
-    // Small numbers lose no digits in the products of planes.
-    let origin = found.map_or(Vec3::ZERO, |s| s.position);
+    // Seen from the eye, what is near has small numbers, and products of planes keep their digits.
+    let origin = view.ray(Vec2::new(width as f32, receivers.height as f32) * 0.5).origin;
     let rows = guides.data.par_chunks_mut(pitch).zip(receivers.samples.par_chunks(width));
     rows.for_each(|(row, samples)| {
         for (x, sample) in samples.iter().enumerate() {
             let Some(surface) = &sample.surface else { continue };
             let slack = PLANE_SLACK * view.pixel_size(sample.depth).clamp(1e-7, 1e6);
+            let slack = slack + ROUNDING * surface.position.abs().max_element();
             let (p, n) = (surface.position - origin, surface.ng);
             let guides = [p.x, p.y, p.z, n.x, n.y, n.z, luminance(surface.albedo), 1.0 / slack];
             for (guide, row) in guides.into_iter().zip(row.chunks_exact_mut(stride)) {

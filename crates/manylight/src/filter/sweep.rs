@@ -21,11 +21,22 @@ const RATIO_SLACK: f32 = 1.5;
 /// Keeps a quotient of two zeros away.
 const LEAST_NOISE: f32 = 1e-12;
 
-/// What a pass reads. Signals and guess: value and variance of each, in turn.
+/// What receivers are compared by besides their surfaces, as far as its variance tells. Trust is
+/// what each value counts.
+#[derive(Clone, Copy)]
+pub(super) enum By<'a> {
+    Nothing { trust: &'a Planes },
+    Guess { trust: &'a Planes, guess: &'a Planes },
+    Themselves,
+}
+
+/// One pass.
 pub(super) struct Pass<'a> {
     pub guides: &'a Planes,
+    /// Value and variance of each signal, in turn.
     pub signals: &'a Planes,
-    pub guess: Option<&'a Planes>,
+    pub by: By<'a>,
+    /// Receivers from one tap to the next.
     pub step: usize,
 }
 
@@ -102,9 +113,13 @@ fn sweep_row_lanes(pass: &Pass<'_>, y: usize, scratch: &mut Scratch, out: &mut [
                     offset: first - start,
                 };
                 tap.weigh(pass.guides, kx * ky, scratch);
-                match pass.guess {
-                    None => tap.add_blind(pass.signals, scratch),
-                    Some(guess) => tap.add(pass.signals, guess, scratch),
+                let signals = pass.signals;
+                match pass.by {
+                    By::Nothing { trust } => tap.add_blind(signals, trust, scratch),
+                    By::Guess { trust, guess } => {
+                        tap.add(signals, guess, Some(trust), scratch);
+                    }
+                    By::Themselves => tap.add(signals, signals, None, scratch),
                 }
             }
         }
@@ -126,14 +141,20 @@ impl Pass<'_> {
             (x[i], y[i], z[i]) = (nx[i] * scale, ny[i] * scale, nz[i] * scale);
             w[i] = x[i] * px[i] + y[i] * py[i] + z[i] * pz[i];
         }
+        let (guess, trust) = match self.by {
+            By::Nothing { trust } => (self.signals, Some(trust)),
+            By::Guess { trust, guess } => (guess, Some(trust)),
+            By::Themselves => (self.signals, None),
+        };
         for (signal, sums) in scratch.sums.iter_mut().enumerate() {
             let value = self.signals.run(2 * signal, at, n);
             let variance = self.signals.run(2 * signal + 1, at, n);
-            let known = self.guess.unwrap_or(self.signals).run(2 * signal + 1, at, n);
+            let known = guess.run(2 * signal + 1, at, n);
+            let trust = trust.map_or(&[1.0; RUN][..n], |trust| trust.run(signal, at, n));
             let (sum, variance_sum) = (&mut sums.value[..n], &mut sums.variance[..n]);
             let (total, noise) = (&mut sums.total[..n], &mut sums.noise[..n]);
             for i in 0..n {
-                let weight = if slack[i] > 0.0 { KERNEL[1] * KERNEL[1] } else { 0.0 };
+                let weight = if slack[i] > 0.0 { KERNEL[1] * KERNEL[1] * trust[i] } else { 0.0 };
                 sum[i] = weight * value[i];
                 variance_sum[i] = weight * weight * variance[i];
                 total[i] = weight;
@@ -189,10 +210,8 @@ impl Tap {
         for i in 0..n {
             let cos = nx[i] * mx[i] + ny[i] * my[i] + nz[i] * mz[i];
             let cos = if cos > 0.0 { cos } else { 0.0 };
-            // cos⁸.
             let cos_sq = cos * cos;
-            let cos_4 = cos_sq * cos_sq;
-            weight[i] = kernel * (cos_4 * cos_4);
+            weight[i] = kernel * (cos_sq * cos_sq);
             let plane = x[i] * qx[i] + y[i] * qy[i] + z[i] * qz[i] - w[i];
             let albedo = here[i] - there[i];
             edges[i] = 1.0 + plane * plane + albedo * albedo * ALBEDO_SCALE;
@@ -201,7 +220,7 @@ impl Tap {
 
     /// Adds the tap of every signal.
     #[inline(always)]
-    fn add(self, signals: &Planes, guess: &Planes, scratch: &mut Scratch) {
+    fn add(self, signals: &Planes, guess: &Planes, trust: Option<&Planes>, scratch: &mut Scratch) {
         let Self { center, tap, n, offset } = self;
         let (normals, edges) = (&scratch.weight[..n], &scratch.edges[..n]);
         for (signal, sums) in scratch.sums.iter_mut().enumerate() {
@@ -213,11 +232,12 @@ impl Tap {
             let sum = &mut sums.value[offset..offset + n];
             let variance_sum = &mut sums.variance[offset..offset + n];
             let total = &mut sums.total[offset..offset + n];
+            let trust = trust.map_or(&[1.0; RUN][..n], |trust| trust.run(signal, tap, n));
             for i in 0..n {
                 let change = here[i] - there[i];
                 let noise = noise_here[i] + RATIO_SLACK * RATIO_SLACK * noise_there[i];
                 // normals / (edges + change² / noise), with one division.
-                let weight = normals[i] * noise / (edges[i] * noise + change * change);
+                let weight = normals[i] * noise / (edges[i] * noise + change * change) * trust[i];
                 sum[i] += weight * value[i];
                 variance_sum[i] += weight * weight * variance[i];
                 total[i] += weight;
@@ -227,7 +247,7 @@ impl Tap {
 
     /// The same, blind to changes of the signals.
     #[inline(always)]
-    fn add_blind(self, signals: &Planes, scratch: &mut Scratch) {
+    fn add_blind(self, signals: &Planes, trust: &Planes, scratch: &mut Scratch) {
         let Self { tap, n, offset, .. } = self;
         let (normals, edges) = (&scratch.weight[..n], &scratch.edges[..n]);
         for (signal, sums) in scratch.sums.iter_mut().enumerate() {
@@ -236,8 +256,9 @@ impl Tap {
             let sum = &mut sums.value[offset..offset + n];
             let variance_sum = &mut sums.variance[offset..offset + n];
             let total = &mut sums.total[offset..offset + n];
+            let trust = trust.run(signal, tap, n);
             for i in 0..n {
-                let weight = normals[i] / edges[i];
+                let weight = normals[i] / edges[i] * trust[i];
                 sum[i] += weight * value[i];
                 variance_sum[i] += weight * weight * variance[i];
                 total[i] += weight;

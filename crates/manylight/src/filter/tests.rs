@@ -1,6 +1,7 @@
 use super::*;
 use crate::math::{hash_u32, unit_f32};
 use crate::surface::{PixelSample, SurfacePoint};
+use glam::Vec3;
 use manylight_scene::{Camera, Projection};
 
 /// Distance between receivers, metres.
@@ -35,7 +36,7 @@ fn view(receivers: &Receivers) -> ViewFrame {
 }
 
 fn smoothed(ratio: &[f32], rays: u32, receivers: &Receivers) -> Vec<f32> {
-    let noisy = [Noisy { ratio, rays }];
+    let noisy = [Noisy { ratio, trust: &[], rays }];
     atrous(&noisy, receivers, &view(receivers), &FilterSettings::default()).remove(0)
 }
 
@@ -96,7 +97,8 @@ fn parallel_walls_do_not_mix() {
 fn ratios_filtered_together_are_as_filtered_alone() {
     let receivers = wall(150, 40, |x| if x < 71 { Vec3::Z } else { Vec3::X });
     let (a, b) = (shares(150 * 40, 4, 0.7), shares(150 * 40, 2, 0.2));
-    let noisy = [Noisy { ratio: &a, rays: 4 }, Noisy { ratio: &b, rays: 2 }];
+    let noisy =
+        [Noisy { ratio: &a, trust: &[], rays: 4 }, Noisy { ratio: &b, trust: &[], rays: 2 }];
     let settings = FilterSettings::default();
     let together = atrous(&noisy, &receivers, &view(&receivers), &settings);
     assert_eq!(together, [smoothed(&a, 4, &receivers), smoothed(&b, 2, &receivers)]);
@@ -121,8 +123,24 @@ fn a_picture_smaller_than_the_reach_is_filtered() {
     for [width, height] in [[1, 1], [3, 2], [1, 200]] {
         let receivers = wall(width, height, |_| Vec3::Z);
         let ratio = vec![0.5; width * height];
-        let noisy = [Noisy { ratio: &ratio, rays: 4 }];
+        let noisy = [Noisy { ratio: &ratio, trust: &[], rays: 4 }];
         let smooth = atrous(&noisy, &receivers, &view(&receivers), &settings).remove(0);
         assert!(smooth.iter().all(|p| (p - 0.5).abs() < 1e-6) && smooth.len() == ratio.len());
     }
+}
+
+#[test]
+fn what_drew_little_counts_little() {
+    let receivers = wall(64, 64, |_| Vec3::Z);
+    // Every other receiver failed to draw and says dark.
+    let failed = |i: usize| (i + i / 64) % 2 == 1;
+    let ratio: Vec<f32> = (0..64 * 64).map(|i| if failed(i) { 0.0 } else { 0.75 }).collect();
+    let trust: Vec<f32> = (0..64 * 64).map(|i| if failed(i) { 0.0 } else { 1.0 }).collect();
+    let settings = FilterSettings::default();
+    let middle = |trust: &[f32]| {
+        let noisy = [Noisy { ratio: &ratio, trust, rays: 4 }];
+        atrous(&noisy, &receivers, &view(&receivers), &settings).remove(0)[32 * 64 + 32]
+    };
+    assert!((middle(&trust) - 0.75).abs() < 0.05, "{}", middle(&trust));
+    assert!((middle(&[]) - 0.375).abs() < 0.05, "{}", middle(&[]));
 }

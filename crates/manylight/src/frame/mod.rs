@@ -284,7 +284,11 @@ impl Renderer {
         clock.run("filter", || {
             let ratios: Vec<_> = noisy
                 .iter()
-                .map(|(gathered, rays)| Noisy { ratio: &gathered.shadow_ratio, rays: *rays })
+                .map(|(Gathered { shadow_ratio: ratio, trust, .. }, rays)| Noisy {
+                    ratio,
+                    trust,
+                    rays: *rays,
+                })
                 .collect();
             let smooth = filter::atrous(&ratios, receivers, view, &settings.filter);
             for ((gathered, _), ratio) in noisy.iter_mut().zip(smooth) {
