@@ -186,7 +186,7 @@ impl Job<'_> {
         row
     }
 
-    /// Draws and traces the shadow rays of one receiver: their ratio, and what they weigh on average.
+    /// Draws and traces the shadow rays of one receiver: their ratio, and what one of them weighs.
     fn shadow_ratio(
         &self,
         pixel: [usize; 2],
