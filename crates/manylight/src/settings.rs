@@ -159,8 +159,8 @@ group! {
     FilterSettings {
         /// On or off.
         enabled: bool = true,
-        /// Passes; pass i reaches 2^(i+1) pixels. 1 to 8.
-        passes: u32 = 4,
+        /// Passes; the first reaches one pixel, each one after it twice as far. 1 to 8.
+        passes: u32 = 5,
     }
 }
 

@@ -1,237 +1,147 @@
-//! Repairing the noise of the shadow ratio.
+//! Repairing the noise of shadow ratios.
 //!
-//! In: ratio, receivers · Out: filtered ratio
-//! Papers: `[Dammertz10]`, `[Schied17]`; differs: a plane distance instead of a position distance,
-//! and the variance of the signal comes from its mean, as that of a share of a few rays.
+//! In: ratios, receivers · Out: filtered ratios
+//! Papers: `[Dammertz10]`, `[Schied17]`; differs: 3 × 3 taps, a plane distance instead of a
+//! position distance, and the variance of the signal comes from its mean, as that of a share of a
+//! few rays.
 //! Known failure: where a few rays cannot tell two shadows apart, their edge blurs.
 
+mod planes;
+mod sweep;
+
+use crate::math::luminance;
 use crate::settings::FilterSettings;
-use crate::surface::{PixelSample, Receivers, SurfacePoint};
+use crate::surface::{Receivers, ViewFrame};
+use glam::Vec2;
+use planes::Planes;
 use rayon::prelude::*;
+use sweep::{By, Pass, Scratch, sweep_row};
 
-/// One-dimensional B3 spline.
-const KERNEL: [f32; 5] = [1.0 / 16.0, 4.0 / 16.0, 6.0 / 16.0, 4.0 / 16.0, 1.0 / 16.0];
-/// Distance from the receiver's plane that halves a weight, per metre of depth.
-const PLANE_SLACK: f32 = 0.01;
-/// 1 / the squared albedo difference that halves a weight: another material is likely another
-/// surface, where normals and planes do not tell.
-const ALBEDO_SCALE: f32 = 1.0 / (0.4 * 0.4);
-
-/// How many standard deviations apart two ratios halve each other's weight.
-const RATIO_SLACK: f32 = 1.5;
+/// Distance from the receiver's plane that halves a weight, in pixels at its depth for every pixel
+/// between the two.
+const PLANE_SLACK: f32 = 0.25;
+/// What positions are off by, as a share of their size.
+const ROUNDING: f32 = 4.0 * f32::EPSILON;
+/// Least trust: what failed to draw anything is likely in the dark itself.
+const LEAST_TRUST: f32 = 0.05;
 /// Variance of a ratio of one ray that is all seen or all hidden in its surroundings: what it may
 /// be although none of them says so.
 const LEAST_VARIANCE: f32 = 0.005;
 
-/// Smooths the share of `rays` rays per receiver that arrived along surfaces, up to where it
-/// changes more than its noise explains.
+/// Shares of light that arrived, as a few rays per receiver tell them.
+#[derive(Clone, Copy, Debug)]
+pub struct Noisy<'a> {
+    /// One share per receiver, 0…1.
+    pub ratio: &'a [f32],
+    /// What each counts beside its neighbors; empty if all the same.
+    pub trust: &'a [f32],
+    /// Rays behind each of them.
+    pub rays: u32,
+}
+
+/// Smooths shares along surfaces, up to where they change more than their noise explains.
 ///
-/// Shapes: ratio `[h·w]`; out `[h·w]`
-/// Cost:   25 taps a pass and receiver, and a pass for the first guess of the variance
+/// Several at once cost less than one after the other: surfaces weigh them alike.
+///
+/// Shapes: each ratio `[h·w]`; out, one for each, `[h·w]`
+/// Cost:   9 taps a pass and receiver, and a pass for the first guess of the variance
 pub fn atrous(
-    ratio: &[f32],
-    rays: u32,
+    noisy: &[Noisy<'_>],
     receivers: &Receivers,
+    view: &ViewFrame,
     settings: &FilterSettings,
-) -> Vec<f32> {
-    let guides = Guides::new(receivers);
-    let raw = Signal { value: ratio.to_vec(), variance: vec![1.0; ratio.len()] };
-    let unknown = Signal { value: vec![0.0; ratio.len()], variance: vec![0.0; ratio.len()] };
+) -> Vec<Vec<f32>> {
+    let guides = guides(receivers, view);
+    let (mut current, trust) = raw(noisy, &guides);
     // A first guess, blind to changes of the ratio, tells the variance of a share p of n rays:
     // p (1 − p) / n.
-    let mut guess = pass(&guides, &raw, &unknown, 1);
-    let share = |p: f32| (p * (1.0 - p)).max(LEAST_VARIANCE) / rays.max(1) as f32;
-    let variance: Vec<f32> = guess.value.iter().map(|&p| share(p)).collect();
-    guess.variance.iter_mut().zip(&variance).for_each(|(left, v)| *left *= v);
-    let mut current = pass(&guides, &Signal { variance, ..raw }, &guess, 1);
-    for i in 1..settings.passes {
-        current = pass(&guides, &current, &current, 1 << i);
-    }
-    current.value
-}
-
-/// A noisy value per receiver.
-struct Signal {
-    value: Vec<f32>,
-    variance: Vec<f32>,
-}
-
-/// One pass with taps `step` receivers apart. Receivers are compared by `guess`, as far as its
-/// variance tells.
-fn pass(guides: &Guides, signal: &Signal, guess: &Signal, step: usize) -> Signal {
-    let width = guides.width;
-    let mut out = Signal { value: signal.value.clone(), variance: signal.variance.clone() };
-    let rows = out.value.par_chunks_mut(width).zip(out.variance.par_chunks_mut(width));
-    rows.enumerate().for_each_init(
-        || RowSums::new(width),
-        |sums, (y, row)| filter_row(&Inputs { guides, signal, guess }, [y, step], sums, row),
-    );
-    out
-}
-
-/// What a pass reads.
-struct Inputs<'a> {
-    guides: &'a Guides,
-    signal: &'a Signal,
-    guess: &'a Signal,
-}
-
-/// What tells receivers apart, one array per component: the inner loop runs along rows.
-struct Guides {
-    width: usize,
-    height: usize,
-    position: [Vec<f32>; 3],
-    /// Zero where there is no surface, so that its weight is zero.
-    normal: [Vec<f32>; 3],
-    albedo: [Vec<f32>; 3],
-    /// 1 / (slack · depth).
-    plane_scale: Vec<f32>,
-}
-
-impl Guides {
-    fn new(receivers: &Receivers) -> Self {
-        let component = |get: &(dyn Fn(&SurfacePoint) -> f32 + Sync)| -> Vec<f32> {
-            let of = |s: &PixelSample| s.surface.as_ref().map_or(0.0, get);
-            receivers.samples.par_iter().map(of).collect()
-        };
-        let scale = |s: &PixelSample| 1.0 / (PLANE_SLACK * s.depth.abs().clamp(1e-4, 1e6));
-        Self {
-            width: receivers.width,
-            height: receivers.height,
-            position: std::array::from_fn(|a| component(&|s| s.position[a])),
-            normal: std::array::from_fn(|a| component(&|s| s.ns[a])),
-            albedo: std::array::from_fn(|a| component(&|s| s.albedo[a])),
-            plane_scale: receivers.samples.par_iter().map(scale).collect(),
-        }
-    }
-}
-
-/// Weighted sums of one row.
-struct RowSums {
-    value: Vec<f32>,
-    variance: Vec<f32>,
-    total: Vec<f32>,
-}
-
-impl RowSums {
-    fn new(width: usize) -> Self {
-        Self { value: vec![0.0; width], variance: vec![0.0; width], total: vec![0.0; width] }
-    }
-}
-
-/// One tap of the kernel for a run of receivers.
-#[derive(Clone, Copy)]
-struct Tap {
-    /// First receiver of the run, and the one that it reads.
-    center: usize,
-    tap: usize,
-    /// Columns of the run in the row.
-    columns: [usize; 2],
-    kernel: f32,
-    /// 1 / distance of the taps, pixels.
-    inverse_step: f32,
-}
-
-fn filter_row(
-    inputs: &Inputs,
-    [y, step]: [usize; 2],
-    sums: &mut RowSums,
-    (value, variance): (&mut [f32], &mut [f32]),
-) {
-    for sum in [&mut sums.value, &mut sums.variance, &mut sums.total] {
-        sum.fill(0.0);
-    }
-    let (width, height) = (inputs.guides.width, inputs.guides.height);
-    for (j, ky) in KERNEL.iter().enumerate() {
-        let Some(tap_y) = (y + j * step).checked_sub(2 * step).filter(|&t| t < height) else {
-            continue;
-        };
-        for (i, kx) in KERNEL.iter().enumerate() {
-            // Columns whose tap i·step − 2·step lies inside the picture.
-            let first = (2 * step).saturating_sub(i * step).min(width);
-            let last = (width + 2 * step).saturating_sub(i * step).min(width);
-            if first >= last {
-                continue;
+    let blind = By::Nothing { trust: &trust };
+    let mut guess = Pass { guides: &guides, signals: &current, by: blind, step: 1 }.run();
+    let (stride, pitch) = (guides.stride, current.pitch());
+    let rows = guess.data.par_chunks_mut(pitch).zip(current.data.par_chunks_mut(pitch));
+    rows.for_each(|(guess, current)| {
+        let signals = guess.chunks_exact_mut(2 * stride).zip(current.chunks_exact_mut(2 * stride));
+        for ((guess, current), noisy) in signals.zip(noisy) {
+            let ((value, shrunk), current) = (guess.split_at_mut(stride), &mut current[stride..]);
+            let share = 1.0 / noisy.rays.max(1) as f32;
+            for ((p, shrunk), variance) in value.iter().zip(shrunk).zip(current) {
+                *variance = (*p * (1.0 - *p)).max(LEAST_VARIANCE) * share;
+                *shrunk *= *variance;
             }
-            let tap_x = first + i * step - 2 * step;
-            let tap = Tap {
-                center: y * width + first,
-                tap: tap_y * width + tap_x,
-                columns: [first, last],
-                kernel: kx * ky,
-                inverse_step: 1.0 / step as f32,
-            };
-            add_tap(inputs, tap, sums);
         }
+    });
+    let by = By::Guess { trust: &trust, guess: &guess };
+    current = Pass { guides: &guides, signals: &current, by, step: 1 }.run();
+    for i in 1..settings.passes {
+        let (by, step) = (By::Themselves, 1 << i);
+        current = Pass { guides: &guides, signals: &current, by, step }.run();
     }
-    // Where there is no surface, the old values stay.
-    for x in (0..width).filter(|&x| sums.total[x] > 0.0) {
-        value[x] = sums.value[x] / sums.total[x];
-        variance[x] = sums.variance[x] / (sums.total[x] * sums.total[x]);
-    }
+    (0..noisy.len()).map(|signal| current.channel(2 * signal)).collect()
 }
 
-/// Adds one tap to a run of receivers, compiled for AVX2 where the processor has it.
-fn add_tap(inputs: &Inputs, tap: Tap, sums: &mut RowSums) {
-    #[cfg(target_arch = "x86_64")]
-    if std::arch::is_x86_feature_detected!("avx2") {
-        // SAFETY: the processor has AVX2.
-        return unsafe { add_tap_avx2(inputs, tap, sums) };
-    }
-    add_tap_lanes(inputs, tap, sums);
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn add_tap_avx2(inputs: &Inputs, tap: Tap, sums: &mut RowSums) {
-    add_tap_lanes(inputs, tap, sums);
-}
-
-#[inline(always)]
-fn add_tap_lanes(inputs: &Inputs, tap: Tap, sums: &mut RowSums) {
-    let Inputs { guides, signal, guess } = inputs;
-    let Tap { center, tap, columns: [first, last], kernel, inverse_step } = tap;
-    let n = last - first;
-    let sum = &mut sums.value[first..last];
-    let variance_sum = &mut sums.variance[first..last];
-    let total = &mut sums.total[first..last];
-    let [px, py, pz] = runs(&guides.position, center, n);
-    let [qx, qy, qz] = runs(&guides.position, tap, n);
-    let [nx, ny, nz] = runs(&guides.normal, center, n);
-    let [mx, my, mz] = runs(&guides.normal, tap, n);
-    let [ar, ag, ab] = runs(&guides.albedo, center, n);
-    let [br, bg, bb] = runs(&guides.albedo, tap, n);
-    let scale = &guides.plane_scale[center..center + n];
-    let (value, variance) = (&signal.value[tap..tap + n], &signal.variance[tap..tap + n]);
-    let (here, there) = (&guess.value[center..center + n], &guess.value[tap..tap + n]);
-    let noise_here = &guess.variance[center..center + n];
-    let noise_there = &guess.variance[tap..tap + n];
-    for i in 0..n {
-        let cos = nx[i] * mx[i] + ny[i] * my[i] + nz[i] * mz[i];
-        let cos = if cos > 0.0 { cos } else { 0.0 };
-        // cos³².
-        let cos_sq = cos * cos;
-        let cos_4 = cos_sq * cos_sq;
-        let cos_8 = cos_4 * cos_4;
-        let normals = (cos_8 * cos_8) * (cos_8 * cos_8);
-        let plane = nx[i] * (qx[i] - px[i]) + ny[i] * (qy[i] - py[i]) + nz[i] * (qz[i] - pz[i]);
-        let plane = plane * scale[i] * inverse_step;
-        let (dr, dg, db) = (ar[i] - br[i], ag[i] - bg[i], ab[i] - bb[i]);
-        let albedo = (dr * dr + dg * dg + db * db) * ALBEDO_SCALE;
-        let change = here[i] - there[i];
-        let noise = RATIO_SLACK * RATIO_SLACK * (noise_here[i] + noise_there[i]) + 1e-12;
-        let edges = 1.0 + plane * plane + albedo + change * change / noise;
-        let weight = kernel * normals / edges;
-        sum[i] += weight * value[i];
-        variance_sum[i] += weight * weight * variance[i];
-        total[i] += weight;
+impl Pass<'_> {
+    /// All rows.
+    fn run(&self) -> Planes {
+        let Planes { width, height, channels, .. } = *self.signals;
+        let mut out = Planes::new(width, height, channels);
+        let mut rows: Vec<_> = out.data.chunks_mut(self.signals.pitch()).enumerate().collect();
+        // Rows that share taps follow one another.
+        rows.sort_by_key(|(y, _)| (y % self.step, *y));
+        rows.into_par_iter().with_min_len(8).for_each_init(
+            || Scratch::new(channels / 2),
+            |scratch, (y, row)| sweep_row(self, y, scratch, row),
+        );
+        out
     }
 }
 
-/// The same run of three components.
-#[inline(always)]
-fn runs(components: &[Vec<f32>; 3], start: usize, n: usize) -> [&[f32]; 3] {
-    [0, 1, 2].map(|axis| &components[axis][start..start + n])
+/// Value and variance of every share, the variance 1; and the trust in it.
+fn raw(noisy: &[Noisy<'_>], guides: &Planes) -> (Planes, Planes) {
+    let (width, height, stride) = (guides.width, guides.height, guides.stride);
+    let mut raw = Planes::new(width, height, 2 * noisy.len());
+    let mut trust = Planes::new(width, height, noisy.len());
+    let (pitch, trust_pitch) = (raw.pitch(), trust.pitch());
+    let rows = raw.data.par_chunks_mut(pitch).zip(trust.data.par_chunks_mut(trust_pitch));
+    rows.enumerate().for_each(|(y, (raw, trust))| {
+        let pixels = y * width..(y + 1) * width;
+        let rows = raw.chunks_exact_mut(2 * stride).zip(trust.chunks_exact_mut(stride));
+        for ((raw, trust), noisy) in rows.zip(noisy) {
+            raw[..width].copy_from_slice(&noisy.ratio[pixels.clone()]);
+            raw[stride..].fill(1.0);
+            match noisy.trust.get(pixels.clone()) {
+                None => trust.fill(1.0),
+                Some(known) => {
+                    let pairs = trust.iter_mut().zip(known);
+                    pairs.for_each(|(trust, known)| *trust = known.max(LEAST_TRUST));
+                }
+            }
+        }
+    });
+    (raw, trust)
+}
+
+/// What tells receivers apart: position, normal, luminance of the albedo, 1 / plane slack. The
+/// normal is the geometric one: bumps of a normal map lie in one shadow. It is zero where there is
+/// no surface, and with it every weight.
+fn guides(receivers: &Receivers, view: &ViewFrame) -> Planes {
+    let mut guides = Planes::new(receivers.width, receivers.height, sweep::GUIDES);
+    let (width, stride, pitch) = (guides.width, guides.stride, guides.pitch());
+    // Seen from the eye, what is near has small numbers, and products of planes keep their digits.
+    let origin = view.ray(Vec2::new(width as f32, receivers.height as f32) * 0.5).origin;
+    let rows = guides.data.par_chunks_mut(pitch).zip(receivers.samples.par_chunks(width));
+    rows.for_each(|(row, samples)| {
+        for (x, sample) in samples.iter().enumerate() {
+            let Some(surface) = &sample.surface else { continue };
+            let slack = PLANE_SLACK * view.pixel_size(sample.depth).clamp(1e-7, 1e6);
+            let slack = slack + ROUNDING * surface.position.abs().max_element();
+            let (p, n) = (surface.position - origin, surface.ng);
+            let guides = [p.x, p.y, p.z, n.x, n.y, n.z, luminance(surface.albedo), 1.0 / slack];
+            for (guide, row) in guides.into_iter().zip(row.chunks_exact_mut(stride)) {
+                row[x] = guide;
+            }
+        }
+    });
+    guides
 }
 
 #[cfg(test)]

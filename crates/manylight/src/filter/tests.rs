@@ -1,13 +1,17 @@
 use super::*;
 use crate::math::{hash_u32, unit_f32};
-use crate::surface::PixelSample;
+use crate::surface::{PixelSample, SurfacePoint};
 use glam::Vec3;
+use manylight_scene::{Camera, Projection};
+
+/// Distance between receivers, metres.
+const PIXEL: f32 = 0.01;
 
 fn wall(width: usize, height: usize, normal: impl Fn(usize) -> Vec3) -> Receivers {
     let samples = (0..width * height).map(|i| {
         let (x, y) = (i % width, i / width);
         let surface = SurfacePoint {
-            position: Vec3::new(x as f32 * 0.01, y as f32 * 0.01, 0.0),
+            position: Vec3::new(x as f32 * PIXEL, y as f32 * PIXEL, 0.0),
             ng: normal(x),
             ns: normal(x),
             albedo: Vec3::ONE,
@@ -19,12 +23,35 @@ fn wall(width: usize, height: usize, normal: impl Fn(usize) -> Vec3) -> Receiver
     Receivers { width, height, samples: samples.collect() }
 }
 
+fn view(receivers: &Receivers) -> ViewFrame {
+    let camera = Camera {
+        name: String::new(),
+        position: Vec3::new(0.0, 0.0, 5.0),
+        forward: Vec3::NEG_Z,
+        up: Vec3::Y,
+        projection: Projection::Orthographic { half_height: 0.5 * PIXEL * receivers.height as f32 },
+        size_px: None,
+    };
+    ViewFrame::new(&camera, receivers.width, receivers.height)
+}
+
+fn smoothed(ratio: &[f32], rays: u32, receivers: &Receivers) -> Vec<f32> {
+    let noisy = [Noisy { ratio, trust: &[], rays }];
+    atrous(&noisy, receivers, &view(receivers), &FilterSettings::default()).remove(0)
+}
+
+/// Shares of `rays` rays that a `share` of directions lets through.
+fn shares(count: usize, rays: u32, share: f32) -> Vec<f32> {
+    let seen = |ray: u32| unit_f32(hash_u32(ray)) < share;
+    let open = |i: u32| (0..rays).filter(|&ray| seen(i * rays + ray)).count();
+    (0..count as u32).map(|i| open(i) as f32 / rays as f32).collect()
+}
+
 #[test]
 fn noise_on_one_plane_shrinks_and_its_mean_stays() {
     let receivers = wall(64, 64, |_| Vec3::Z);
-    let noisy: Vec<f32> =
-        (0..64 * 64).map(|i| f32::from(u8::from(unit_f32(hash_u32(i)) < 0.5))).collect();
-    let smooth = atrous(&noisy, 1, &receivers, &FilterSettings::default());
+    let noisy = shares(64 * 64, 1, 0.5);
+    let smooth = smoothed(&noisy, 1, &receivers);
     let mean = |v: &[f32]| v.iter().sum::<f32>() / v.len() as f32;
     let variance = |v: &[f32]| v.iter().map(|x| (x - mean(v)).powi(2)).sum::<f32>() / 4096.0;
     assert!((mean(&smooth) - mean(&noisy)).abs() < 0.02);
@@ -35,7 +62,7 @@ fn noise_on_one_plane_shrinks_and_its_mean_stays() {
 fn an_edge_between_walls_is_kept() {
     let receivers = wall(64, 16, |x| if x < 32 { Vec3::Z } else { Vec3::X });
     let step: Vec<f32> = (0..64 * 16).map(|i| if i % 64 < 32 { 0.0 } else { 1.0 }).collect();
-    assert_eq!(atrous(&step, 4, &receivers, &FilterSettings::default()), step);
+    assert_eq!(smoothed(&step, 4, &receivers), step);
 }
 
 #[test]
@@ -43,16 +70,77 @@ fn an_edge_of_shadow_on_one_plane_is_kept() {
     const RAYS: u32 = 4;
     let receivers = wall(64, 64, |_| Vec3::Z);
     // Hidden on the left, four fifths open on the right, by a few rays each.
-    let ratio = |i: usize| {
-        let seen = |ray: u32| unit_f32(hash_u32(i as u32 * RAYS + ray)) < 0.8;
-        let open = (0..RAYS).filter(|&ray| seen(ray)).count();
-        if i % 64 < 32 { 0.0 } else { open as f32 / RAYS as f32 }
-    };
-    let noisy: Vec<f32> = (0..64 * 64).map(ratio).collect();
-    let smooth = atrous(&noisy, RAYS, &receivers, &FilterSettings::default());
+    let mut noisy = shares(64 * 64, RAYS, 0.8);
+    noisy.iter_mut().enumerate().filter(|(i, _)| i % 64 < 32).for_each(|(_, ratio)| *ratio = 0.0);
+    let smooth = smoothed(&noisy, RAYS, &receivers);
     let mean = |x: usize| (0..64).map(|y| smooth[y * 64 + x]).sum::<f32>() / 64.0;
     assert!(mean(27) < 0.02 && mean(36) > 0.75, "{} and {}", mean(27), mean(36));
     let right = smooth.iter().enumerate().filter(|(i, _)| i % 64 >= 40).map(|(_, v)| v);
     let spread = right.map(|v| (v - 0.8).powi(2)).sum::<f32>() / (24.0 * 64.0);
     assert!(spread < 0.04 / 20.0, "{spread}");
+}
+
+#[test]
+fn parallel_walls_do_not_mix() {
+    let mut receivers = wall(64, 16, |_| Vec3::Z);
+    for (i, sample) in receivers.samples.iter_mut().enumerate().filter(|(i, _)| i % 64 < 32) {
+        sample.surface.as_mut().expect("a wall").position.z = -2.0 + 0.001 * (i % 2) as f32;
+    }
+    // Noisy enough that the change itself stops nothing.
+    let step: Vec<f32> = (0..64 * 16).map(|i| if i % 64 < 32 { 0.4 } else { 0.6 }).collect();
+    let smooth = smoothed(&step, 1, &receivers);
+    let worst = smooth.iter().zip(&step).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    assert!(worst < 0.004, "{worst}");
+}
+
+#[test]
+fn ratios_filtered_together_are_as_filtered_alone() {
+    let receivers = wall(150, 40, |x| if x < 71 { Vec3::Z } else { Vec3::X });
+    let (a, b) = (shares(150 * 40, 4, 0.7), shares(150 * 40, 2, 0.2));
+    let noisy =
+        [Noisy { ratio: &a, trust: &[], rays: 4 }, Noisy { ratio: &b, trust: &[], rays: 2 }];
+    let settings = FilterSettings::default();
+    let together = atrous(&noisy, &receivers, &view(&receivers), &settings);
+    assert_eq!(together, [smoothed(&a, 4, &receivers), smoothed(&b, 2, &receivers)]);
+}
+
+#[test]
+fn no_surface_keeps_its_ratio_and_gives_none_away() {
+    let mut receivers = wall(64, 8, |_| Vec3::Z);
+    let mut ratio = vec![0.25; 64 * 8];
+    for i in (0..64 * 8).filter(|i| i % 64 < 5 || i % 7 == 0) {
+        (receivers.samples[i].surface, receivers.samples[i].depth) = (None, f32::INFINITY);
+        ratio[i] = 1.0;
+    }
+    let smooth = smoothed(&ratio, 1, &receivers);
+    let worst = smooth.iter().zip(&ratio).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    assert!(worst < 1e-6, "{worst}");
+}
+
+#[test]
+fn a_picture_smaller_than_the_reach_is_filtered() {
+    let settings = FilterSettings { passes: 8, ..FilterSettings::default() };
+    for [width, height] in [[1, 1], [3, 2], [1, 200]] {
+        let receivers = wall(width, height, |_| Vec3::Z);
+        let ratio = vec![0.5; width * height];
+        let noisy = [Noisy { ratio: &ratio, trust: &[], rays: 4 }];
+        let smooth = atrous(&noisy, &receivers, &view(&receivers), &settings).remove(0);
+        assert!(smooth.iter().all(|p| (p - 0.5).abs() < 1e-6) && smooth.len() == ratio.len());
+    }
+}
+
+#[test]
+fn what_drew_little_counts_little() {
+    let receivers = wall(64, 64, |_| Vec3::Z);
+    // Every other receiver failed to draw and says dark.
+    let failed = |i: usize| (i + i / 64) % 2 == 1;
+    let ratio: Vec<f32> = (0..64 * 64).map(|i| if failed(i) { 0.0 } else { 0.75 }).collect();
+    let trust: Vec<f32> = (0..64 * 64).map(|i| if failed(i) { 0.0 } else { 1.0 }).collect();
+    let settings = FilterSettings::default();
+    let middle = |trust: &[f32]| {
+        let noisy = [Noisy { ratio: &ratio, trust, rays: 4 }];
+        atrous(&noisy, &receivers, &view(&receivers), &settings).remove(0)[32 * 64 + 32]
+    };
+    assert!((middle(&trust) - 0.75).abs() < 0.05, "{}", middle(&trust));
+    assert!((middle(&[]) - 0.375).abs() < 0.05, "{}", middle(&[]));
 }

@@ -11,11 +11,11 @@ use crate::composite::Layers;
 use crate::direct;
 use crate::emitter::{Emitters, SkyEmitter};
 use crate::error::Error;
-use crate::filter;
+use crate::filter::{self, Noisy};
 use crate::gather::{Gathered, brute, grid};
 use crate::math::{Sequence, hash_u32, morton_2d};
 use crate::reference::PathTracer;
-use crate::settings::{Method, Settings};
+use crate::settings::{Method, Settings, VplSettings};
 use crate::surface::{Receivers, ViewFrame};
 use crate::vlight::vpl;
 use crate::world::World;
@@ -135,8 +135,10 @@ impl Renderer {
             (direct, emitters.lights.len() as u64)
         });
         layers.set_direct(&direct);
+        // Irradiance whose shadow ratio a few rays made, and their number.
+        let mut gathers = Vec::new();
         if let Some(sky) = &emitters.sky {
-            layers.add_direct(&self.gather_sky(sky, &receivers, settings, seed ^ 5, clock));
+            gathers.push(self.gather_sky(sky, &receivers, settings, seed ^ 5, clock));
         }
 
         let on_emitters = clock.run("emitter vpls", || {
@@ -145,26 +147,35 @@ impl Renderer {
             (set, count)
         });
         if !on_emitters.lights.is_empty() {
-            let gathered =
-                self.gather(&receivers, &on_emitters.lights, settings, d_min, seed ^ 2, clock);
-            layers.add_direct(&gathered);
+            let lights = &on_emitters.lights;
+            gathers.push(self.gather(&receivers, lights, settings, d_min, seed ^ 2, clock));
         }
-        if settings.method == Method::Direct {
-            return layers;
+        let direct_gathers = gathers.len();
+        if settings.method != Method::Direct {
+            let vpls = self.trace_vpls(settings, seed ^ 3, clock);
+            gathers.push(self.gather(&receivers, &vpls, settings, d_min, seed ^ 4, clock));
         }
 
-        let vpls = clock.run("vpls", || {
-            let (count, bounces) = (settings.vpls.count, settings.vpls.bounces);
-            let set = vpl::trace(world, emitters, count, bounces, seed ^ 3, normal_maps);
-            let count = set.lights.len() as u64;
-            (set, count)
-        });
-        let gathered = self.gather(&receivers, &vpls.lights, settings, d_min, seed ^ 4, clock);
-        layers.set_indirect(&gathered);
+        self.filter_ratios(&mut gathers, &receivers, view, settings, clock);
+        let (on_direct, on_indirect) = gathers.split_at(direct_gathers);
+        on_direct.iter().for_each(|(gathered, _)| layers.add_direct(gathered));
+        on_indirect.iter().for_each(|(gathered, _)| layers.set_indirect(gathered));
         layers
     }
 
-    /// Irradiance of a set of virtual lights at the receivers, filtered where the method asks.
+    /// Virtual lights on what light paths hit.
+    fn trace_vpls(&self, settings: &Settings, seed: u32, clock: &mut Clock<'_>) -> Vec<vpl::Vpl> {
+        clock.run("vpls", || {
+            let VplSettings { count, bounces, .. } = settings.vpls;
+            let normal_maps = settings.surface.normal_maps;
+            let set = vpl::trace(&self.world, &self.emitters, count, bounces, seed, normal_maps);
+            let count = set.lights.len() as u64;
+            (set.lights, count)
+        })
+    }
+
+    /// Irradiance of a set of virtual lights at the receivers, and the rays behind its ratio; none
+    /// where it is exact.
     fn gather(
         &self,
         receivers: &Receivers,
@@ -173,23 +184,22 @@ impl Renderer {
         d_min: f32,
         seed: u32,
         clock: &mut Clock<'_>,
-    ) -> Gathered {
+    ) -> (Gathered, u32) {
         if settings.method == Method::Brute {
-            return self.gather_brute(receivers, lights, d_min, clock);
+            return (self.gather_brute(receivers, lights, d_min, clock), 0);
         }
         let lighting_grid = clock.run("grid", || {
             let grid = grid::LightingGrid::build(lights, &settings.grid, grid::DETAIL * d_min);
             let count = grid.light_count() as u64;
             (grid, count)
         });
-        let mut gathered = clock.run("lighting", || {
+        let gathered = clock.run("lighting", || {
             let gathered =
                 grid::gather(&self.world, receivers, &lighting_grid, settings, d_min, seed);
             let evals = gathered.evals.iter().map(|&e| u64::from(e)).sum();
             (gathered, evals)
         });
-        self.filter_ratio(&mut gathered, settings.shadow.rays, receivers, settings, clock);
-        gathered
+        (gathered, settings.shadow.rays)
     }
 
     fn gather_brute(
@@ -226,7 +236,7 @@ impl Renderer {
         (0..receivers.samples.len()).into_par_iter().with_min_len(512).map(at).collect()
     }
 
-    /// Irradiance from the sky, its ratio filtered where the method asks.
+    /// Irradiance from the sky, and the rays behind its ratio; none where they are enough.
     fn gather_sky(
         &self,
         sky: &SkyEmitter,
@@ -234,14 +244,14 @@ impl Renderer {
         settings: &Settings,
         seed: u32,
         clock: &mut Clock<'_>,
-    ) -> Gathered {
+    ) -> (Gathered, u32) {
         let rays = match settings.method {
             Method::Brute => BRUTE_SKY_RAYS,
             _ => settings.shadow.rays.div_ceil(2).max(1),
         };
         let is_constant = matches!(self.world.scene.sky, Some(Sky::Constant(_)));
         let count = receivers.samples.len();
-        let mut gathered = clock.run("sky", || {
+        let gathered = clock.run("sky", || {
             let at = |i: usize| {
                 let surface = receivers.samples[i].surface.as_ref()?;
                 // Neighbors share one sequence, as the draws of the grid do.
@@ -255,28 +265,37 @@ impl Renderer {
             gathered.set_exact(found.into_iter().map(Option::unwrap_or_default));
             (gathered, u64::from(rays))
         });
-        if settings.method != Method::Brute {
-            self.filter_ratio(&mut gathered, rays, receivers, settings, clock);
-        }
-        gathered
+        (gathered, if settings.method == Method::Brute { 0 } else { rays })
     }
 
-    /// Smooths a ratio that few rays made.
-    fn filter_ratio(
+    /// Smooths the ratios that few rays made, all at once.
+    fn filter_ratios(
         &self,
-        gathered: &mut Gathered,
-        rays: u32,
+        gathers: &mut [(Gathered, u32)],
         receivers: &Receivers,
+        view: &ViewFrame,
         settings: &Settings,
         clock: &mut Clock<'_>,
     ) {
-        if !settings.filter.enabled || rays == 0 {
+        let mut noisy: Vec<_> = gathers.iter_mut().filter(|(_, rays)| *rays > 0).collect();
+        if !settings.filter.enabled || noisy.is_empty() {
             return;
         }
-        gathered.shadowed.clear();
-        gathered.shadow_ratio = clock.run("filter", || {
-            let ratio = filter::atrous(&gathered.shadow_ratio, rays, receivers, &settings.filter);
-            (ratio, u64::from(settings.filter.passes))
+        clock.run("filter", || {
+            let ratios: Vec<_> = noisy
+                .iter()
+                .map(|(Gathered { shadow_ratio: ratio, trust, .. }, rays)| Noisy {
+                    ratio,
+                    trust,
+                    rays: *rays,
+                })
+                .collect();
+            let smooth = filter::atrous(&ratios, receivers, view, &settings.filter);
+            for ((gathered, _), ratio) in noisy.iter_mut().zip(smooth) {
+                gathered.shadow_ratio = ratio;
+                gathered.shadowed.clear();
+            }
+            ((), u64::from(settings.filter.passes))
         });
     }
 

@@ -18,6 +18,9 @@ pub struct Gathered {
     pub unshadowed: Vec<Vec3>,
     /// Share of `unshadowed` that arrives, 0…1, by luminance.
     pub shadow_ratio: Vec<f32>,
+    /// What the draws behind `shadow_ratio` weigh, beside 1 for draws as likely as they should be;
+    /// empty where all weigh the same.
+    pub trust: Vec<f32>,
     /// What arrives in every channel, W·m⁻², where it is known and no product of the other two;
     /// else empty.
     pub shadowed: Vec<Vec3>,
@@ -31,6 +34,7 @@ impl Gathered {
         Self {
             unshadowed: vec![Vec3::ZERO; pixels],
             shadow_ratio: vec![1.0; pixels],
+            trust: Vec::new(),
             shadowed: Vec::new(),
             evals: vec![0; pixels],
         }

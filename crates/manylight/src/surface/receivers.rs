@@ -53,6 +53,13 @@ impl ViewFrame {
     pub fn depth(&self, p: Vec3) -> f32 {
         (p - self.position).dot(self.forward)
     }
+
+    /// Side of a pixel at a distance along the viewing axis, metres.
+    #[inline]
+    pub fn pixel_size(&self, depth: f32) -> f32 {
+        let at_one = 2.0 * self.half[1].length() / self.height as f32;
+        if self.perspective { at_one * depth } else { at_one }
+    }
 }
 
 /// What one camera ray found.

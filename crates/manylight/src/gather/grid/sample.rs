@@ -51,6 +51,7 @@ pub fn gather(
     if grid.levels.is_empty() {
         return out;
     }
+    out.trust = vec![1.0; out.shadow_ratio.len()];
     let shells = shells(grid, choose_alpha(grid, receivers, settings));
     let job = Job { world, receivers, grid, settings, d_min, seed, shells: &shells };
     let (blocks_x, blocks_y) =
@@ -66,7 +67,7 @@ pub fn gather(
         .collect();
     for (index, result) in blocks.into_iter().flatten() {
         out.unshadowed[index] = result.unshadowed;
-        out.shadow_ratio[index] = result.shadow_ratio;
+        [out.shadow_ratio[index], out.trust[index]] = result.shadow_ratio;
         out.evals[index] = result.evals;
     }
     out
@@ -84,7 +85,8 @@ struct Job<'a> {
 
 struct PixelResult {
     unshadowed: Vec3,
-    shadow_ratio: f32,
+    /// And its trust.
+    shadow_ratio: [f32; 2],
     evals: u32,
 }
 
@@ -185,19 +187,19 @@ impl Job<'_> {
         row
     }
 
-    /// Draws and traces the shadow rays of one receiver.
+    /// Draws and traces the shadow rays of one receiver: their ratio, and what one of them weighs.
     fn shadow_ratio(
         &self,
         pixel: [usize; 2],
         surface: &SurfacePoint,
         list: &[TileLight],
         weights: &[Lanes],
-    ) -> f32 {
+    ) -> [f32; 2] {
         let shadow = &self.settings.shadow;
         let (lane, d_min_sq) = (pixel[0] % TILE, self.d_min * self.d_min);
         let total = weights.last().map_or(0.0, |w| w[lane]);
         if total <= 0.0 {
-            return 1.0;
+            return [1.0; 2];
         }
         let receiver = [surface.position.to_array(), surface.ns.to_array()];
         let (mut seen, mut drawn) = (0.0f32, 0.0f32);
@@ -224,9 +226,9 @@ impl Job<'_> {
             seen += if open { weight } else { 0.0 };
         }
         match shadow.rays {
-            0 => 1.0,
-            _ if drawn > 0.0 => seen / drawn,
-            _ => 0.0,
+            0 => [1.0; 2],
+            rays if drawn > 0.0 => [seen / drawn, drawn / rays as f32],
+            _ => [0.0; 2],
         }
     }
 
