@@ -92,7 +92,8 @@ impl LightingGrid {
         let above = |axis: usize| octant >> axis & 1;
         let cell: [u32; 3] =
             std::array::from_fn(|a| u32::from(light.vertex[a]) + above(a) as u32 - 1);
-        let key = sort_key(u32::from(light.lobe), cell, shift);
+        let depth = (self.levels.len() - level) as u32;
+        let key = sort_key(u32::from(light.lobe), cell, depth);
         let cells = &self.levels[level - 1].cells;
         let at = cells.partition_point(|c| c.0 < key);
         debug_assert!(cells[at].0 == key, "a share lies in an occupied cell");

@@ -11,6 +11,8 @@ mod contribution;
 mod draw;
 mod record;
 mod sample;
+mod sort;
+mod sweep;
 mod tiles;
 
 pub use record::{GridLight, Level, LightingGrid};
