@@ -2,12 +2,13 @@
 //!
 //! Every sum runs in a fixed order inside one row, and rows are independent: the result has the
 //! same bits at any thread count, without atomics.
-//! Cost: one sort of the virtual lights and one of their cells, then 8 additions a light and 3.4 a
-//! grid light.
+//! Cost: one sort of the virtual lights and one of each level's cells, then 8 additions a light and
+//! 3.4 a grid light.
 
+use super::cells::{CellRows, Corners, cells_of, share_of_cells, share_of_points};
 use super::record::{GridLight, Level, LightingGrid};
 use super::sort::{Keyed, morton, sort_by_key};
-use super::sweep::{Lattice, Row, coarser_rows};
+use super::sweep::Lattice;
 use crate::math::luminance;
 use crate::settings::{GridSettings, MAX_LEVELS, MIN_LEVELS};
 use crate::vlight::Vpl;
@@ -47,11 +48,15 @@ impl LightingGrid {
             settings.levels.unwrap_or_else(|| cube.choose_level_count(&order, detail));
         let lights: Vec<Vpl> = order.par_iter().map(|o| lights[o.1 as usize]).collect();
         loop {
-            let cells = cube.occupied_cells(&order);
-            let (records, record_lights) = cube.records(&lights, &cells);
-            let rows: Vec<Row> = records.rows.iter().map(|r| r.0).collect();
-            let rows = &rows[..rows.len() - 1];
-            let first = cube.lattice(1).sweep_vpls(&records, rows);
+            let keys = cube.occupied_cells(&order);
+            let rows = CellRows::new(&keys, cube.depth(1));
+            let (record_lights, firsts) = lights_by_row(&keys, &rows);
+            let records = cube.records(&lights, &record_lights);
+            let points: Vec<[f32; 4]> = lights.par_iter().map(|l| cube.point(l)).collect();
+            let lights_of = |pair: &[Keyed]| &points[pair[0].1 as usize..pair[1].1 as usize];
+            let share = |pair: &[Keyed]| share_of_points(lights_of(pair)).map(|s| s as f32);
+            let shares: Vec<Corners> = keys.par_windows(2).map(share).collect();
+            let first = cube.lattice(1).sweep_vpls(&records, &firsts, &rows, &shares);
             // Only now it is known how many vertices the cells share.
             let too_many =
                 settings.levels.is_none() && first.lights.len() > MOST_PER_VPL * lights.len();
@@ -59,30 +64,28 @@ impl LightingGrid {
                 cube.level_count -= 1;
                 continue;
             }
-            let levels = cube.levels(Level { cells, ..first }, rows.to_vec());
             let (level0, level0_lights) = match settings.start_level {
-                0 => (records, record_lights),
+                0 => (cube.level0(records, &firsts, &rows), record_lights),
                 _ => Default::default(),
             };
-            let origin = cube.origin;
-            let mut grid =
-                Self { origin, levels, level0, level0_lights, lights, ..Self::default() };
-            grid.sum_blocks();
-            return grid;
+            let levels =
+                cube.levels(Level { cells: cells_of(&keys, &shares, None), ..first }, keys);
+            let (origin, blocks) = (cube.origin, sum_blocks(&points));
+            return Self { origin, levels, level0, level0_lights, lights, points, blocks };
         }
     }
+}
 
-    /// Fills `points` and `blocks`.
-    fn sum_blocks(&mut self) {
-        self.points = self.lights.par_iter().map(|l| self.draw_point(l)).collect();
-        let sums: Vec<[f64; 8]> = self.points.par_chunks(BLOCK).map(Self::monomials).collect();
-        let mut running = [0.0; 8];
-        self.blocks.push(running);
-        for sum in sums {
-            (0..8).for_each(|i| running[i] += sum[i]);
-            self.blocks.push(running);
-        }
+/// Sums of what lights share to the corners of their own cells, before each block.
+fn sum_blocks(points: &[[f32; 4]]) -> Vec<[f64; 8]> {
+    let sums: Vec<[f64; 8]> = points.par_chunks(BLOCK).map(share_of_points).collect();
+    let mut blocks = vec![[0.0; 8]];
+    let mut running = [0.0; 8];
+    for sum in sums {
+        (0..8).for_each(|c| running[c] += sum[c]);
+        blocks.push(running);
     }
+    blocks
 }
 
 /// Whether a light takes part.
@@ -116,7 +119,7 @@ struct Cube {
 /// Sort key: lobe above the interleaved bits of a cell, `depth` halvings of the cube.
 ///
 /// The key of a coarser cell is that of any cell inside it, shifted by three bits a level.
-pub(super) fn sort_key(lobe: u32, cell: [u32; 3], depth: u32) -> u64 {
+fn sort_key(lobe: u32, cell: [u32; 3], depth: u32) -> u64 {
     u64::from(lobe) << (3 * depth) | morton(cell)
 }
 
@@ -134,14 +137,14 @@ fn dominant_axis(normal: Vec3) -> u32 {
 }
 
 impl Cube {
-    /// Halvings of the cube to the cells of level 1.
-    fn depth(&self) -> u32 {
-        self.level_count - 1
+    /// Halvings of the cube to the cells of a level.
+    fn depth(&self, level: u32) -> u32 {
+        self.level_count - level
     }
 
     /// Cells of a level along the cube's edge.
     fn cells(&self, level: u32) -> u32 {
-        1 << (self.level_count - level)
+        1 << self.depth(level)
     }
 
     fn cell_size(&self, level: u32) -> f32 {
@@ -153,13 +156,18 @@ impl Cube {
         Lattice { origin: self.origin, cell_size, cells, lobes: self.lobes }
     }
 
-    /// Level-1 cell of a position.
+    /// Position in level-1 cells.
     ///
-    /// Scaling by powers of two is exact: with fewer levels it is the same cell, halved.
+    /// Scaling by powers of two is exact: with fewer levels it is the same, halved.
+    fn lattice_position(&self, p: Vec3) -> [f32; 3] {
+        let lattice = (p - self.origin) * self.cell_size(1).recip();
+        lattice.to_array().map(|c| c.max(0.0))
+    }
+
+    /// Level-1 cell of a position.
     fn cell_of(&self, p: Vec3) -> [u32; 3] {
         let last = self.cells(1) - 1;
-        let lattice = (p - self.origin) * self.cell_size(1).recip();
-        lattice.to_array().map(|c| (c as u32).min(last))
+        self.lattice_position(p).map(|c| (c as u32).min(last))
     }
 
     fn lobe_of(&self, normal: Vec3) -> u32 {
@@ -172,9 +180,9 @@ impl Cube {
             let key = match is_valid(light) {
                 true => {
                     let cell = self.cell_of(light.position);
-                    sort_key(self.lobe_of(light.normal), cell, self.depth())
+                    sort_key(self.lobe_of(light.normal), cell, self.depth(1))
                 }
-                false => sort_key(LEFT_OUT, [0; 3], self.depth()),
+                false => sort_key(LEFT_OUT, [0; 3], self.depth(1)),
             };
             (key, i as u32)
         };
@@ -203,26 +211,14 @@ impl Cube {
         first_of_each(keys, order.len())
     }
 
-    /// The virtual lights as records by row, x and lobe of their cells, and where each lies in
-    /// `lights`.
-    fn records(&self, lights: &[Vpl], cells: &[Keyed]) -> (Level, Vec<u32>) {
-        let depth = self.depth();
-        let row_key = |light: &Vpl| {
-            let [x, y, z] = self.cell_of(light.position).map(u64::from);
-            ((z << depth | y) << depth | x) << 3 | u64::from(self.lobe_of(light.normal))
-        };
-        let inner = cells[..cells.len() - 1].par_iter().enumerate();
-        let keys = inner.map(|(i, c)| (row_key(&lights[c.1 as usize]), i as u32)).collect();
-        let (mut order, mut rows) = (Vec::with_capacity(lights.len()), Vec::new());
-        for (key, cell) in sort_by_key(keys, 3 * depth + 3) {
-            let row = key >> (depth + 3);
-            let row = [row >> depth, row & ((1 << depth) - 1)].map(|c| c as u16);
-            if rows.last().is_none_or(|r: &(Row, u32)| r.0 != row) {
-                rows.push((row, order.len() as u32));
-            }
-            order.extend(cells[cell as usize].1..cells[cell as usize + 1].1);
-        }
-        rows.push(([u16::MAX; 2], lights.len() as u32));
+    /// Position in level-1 cells and luminance of a light.
+    fn point(&self, light: &Vpl) -> [f32; 4] {
+        let [x, y, z] = self.lattice_position(light.position);
+        [x, y, z, luminance(light.intensity)]
+    }
+
+    /// Some virtual lights as records in their cells of level 1.
+    fn records(&self, lights: &[Vpl], order: &[u32]) -> Vec<GridLight> {
         let record = |&i: &u32| {
             let light = &lights[i as usize];
             GridLight {
@@ -233,27 +229,47 @@ impl Cube {
                 variance: Vec3::ZERO,
                 vertex: self.cell_of(light.position).map(|c| c as u16),
                 lobe: self.lobe_of(light.normal) as u8,
-                octants: [0.0; 8],
             }
         };
-        let lights = order.par_iter().map(record).collect();
-        (Level { cell_size: self.cell_size(1), lights, rows, cells: Vec::new() }, order)
+        order.par_iter().map(record).collect()
     }
 
-    /// All levels from the first and the rows of its cells.
-    fn levels(&self, first: Level, mut rows: Vec<Row>) -> Vec<Level> {
-        let light_count = first.cells.last().map_or(0, |c| c.1 as usize);
+    /// Level 0 from the virtual lights by row of their cells and the first of each cell.
+    fn level0(&self, lights: Vec<GridLight>, firsts: &[u32], rows: &CellRows) -> Level {
+        let rows = rows.rows().iter().map(|&(row, cell)| (row, firsts[cell as usize])).collect();
+        Level { cell_size: self.cell_size(1), lights, rows, ..Level::default() }
+    }
+
+    /// All levels from the first and the keys of its cells with their first lights.
+    fn levels(&self, first: Level, mut keys: Vec<Keyed>) -> Vec<Level> {
         let mut levels = vec![first];
         for level in 2..=self.level_count {
-            rows = coarser_rows(&rows);
             let fine = &levels[levels.len() - 1];
-            let coarse = self.lattice(level).sweep_level(fine, &rows);
-            let inner = fine.cells[..fine.cells.len() - 1].iter();
-            let cells = first_of_each(inner.map(|c| (c.0 >> 3, c.1)), light_count);
-            levels.push(Level { cells, ..coarse });
+            let count = keys.len() - 1;
+            let coarser = keys[..count].iter().enumerate().map(|(i, k)| (k.0 >> 3, i as u32));
+            keys = first_of_each(coarser, count);
+            let inner = |pair: &[Keyed]| &fine.cells[pair[0].1 as usize..pair[1].1 as usize];
+            let shares: Vec<Corners> =
+                keys.par_windows(2).map(|pair| share_of_cells(inner(pair))).collect();
+            let rows = CellRows::new(&keys, self.depth(level));
+            let coarse = self.lattice(level).sweep_level(fine, &rows, &shares);
+            levels.push(Level { cells: cells_of(&keys, &shares, Some(&fine.cells)), ..coarse });
         }
         levels
     }
+}
+
+/// The lights of cells with some keys in the order of the cells' rows, and the first of each cell
+/// there, with the number of all at the end.
+fn lights_by_row(keys: &[Keyed], rows: &CellRows) -> (Vec<u32>, Vec<u32>) {
+    let count = keys.last().map_or(0, |sentinel| sentinel.1 as usize);
+    let (mut order, mut firsts) = (Vec::with_capacity(count), Vec::with_capacity(keys.len()));
+    for cell in rows.positions() {
+        firsts.push(order.len() as u32);
+        order.extend(keys[cell].1..keys[cell + 1].1);
+    }
+    firsts.push(order.len() as u32);
+    (order, firsts)
 }
 
 /// Occupied cells by number of levels, from sorted keys of the finest cells.

@@ -7,6 +7,7 @@
 //! Limits: at most 14 levels.
 
 mod build;
+mod cells;
 mod contribution;
 mod draw;
 mod record;

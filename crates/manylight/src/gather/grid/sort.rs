@@ -66,6 +66,11 @@ pub(super) fn morton(cell: [u32; 3]) -> u64 {
     spread(cell[0]) | spread(cell[1]) << 1 | spread(cell[2]) << 2
 }
 
+/// Coordinates of a cell from its code.
+pub(super) fn position_of(code: u64) -> [u32; 3] {
+    std::array::from_fn(|axis| gather(code >> axis))
+}
+
 /// Puts two zero bits between the bits of a number below 2^21.
 fn spread(x: u32) -> u64 {
     let mut x = u64::from(x);
@@ -74,6 +79,16 @@ fn spread(x: u32) -> u64 {
     x = (x | x << 8) & 0x100f_00f0_0f00_f00f;
     x = (x | x << 4) & 0x10c3_0c30_c30c_30c3;
     (x | x << 2) & 0x1249_2492_4924_9249
+}
+
+/// Takes every third bit.
+fn gather(x: u64) -> u32 {
+    let mut x = x & 0x1249_2492_4924_9249;
+    x = (x | x >> 2) & 0x10c3_0c30_c30c_30c3;
+    x = (x | x >> 4) & 0x100f_00f0_0f00_f00f;
+    x = (x | x >> 8) & 0x1f_0000_ff00_00ff;
+    x = (x | x >> 16) & 0x1f_0000_0000_ffff;
+    (x | x >> 32) as u32 & 0x1f_ffff
 }
 
 #[cfg(test)]
@@ -97,6 +112,7 @@ mod tests {
     #[test]
     fn codes_nest() {
         let code = morton([5, 3, 8191]);
+        assert_eq!(position_of(code), [5, 3, 8191]);
         assert_eq!(code >> 3, morton([2, 1, 4095]));
         assert_eq!(morton([1, 0, 0]) | morton([0, 1, 0]) << 3, 0b10_001);
     }

@@ -1,6 +1,7 @@
 //! Summing up levels: rows of vertices collect the lights around them.
 
-use super::record::{GridLight, Level};
+use super::cells::{CellRows, Corners, Row, find_row};
+use super::record::{GridLight, Level, Octants};
 use glam::{IVec3, Vec3, Vec3A, Vec4};
 use rayon::prelude::*;
 
@@ -8,8 +9,9 @@ use rayon::prelude::*;
 const MOST_PARTS: usize = 256;
 const PART_LEN: usize = 16;
 
-/// A row (z, y) of vertices or of cells.
-pub(super) type Row = [u16; 2];
+/// Whether a row of vertices lies at the upper end, in z and y, of the cells in each of the four
+/// rows around it.
+const SIDES: [[i32; 2]; 4] = [[1, 1], [1, 0], [0, 1], [0, 0]];
 
 /// The lattice of one level.
 #[derive(Clone, Copy)]
@@ -24,36 +26,42 @@ pub(super) struct Lattice {
 impl Lattice {
     /// Level 1: shares every virtual light among the eight vertices of its cell.
     ///
-    /// `lights` are the virtual lights as records, by row of their cells.
+    /// `records` are the virtual lights by row of their cells, `firsts` the first of each cell
+    /// there, `shares` what each cell shares to its corners.
     /// Cost: four reads and eight sums a light, the reads in order
-    pub(super) fn sweep_vpls(&self, lights: &Level, cell_rows: &[Row]) -> Level {
-        self.sweep(cell_rows, |sum, [vz, vy]| {
-            // Whether the vertex lies above the cell's lower end.
-            for (dz, dy) in [(1, 1), (1, 0), (0, 1), (0, 0)] {
-                let row = lights.row([i32::from(vz) - dz, i32::from(vy) - dy]);
-                for cell in row.chunk_by(|a, b| (a.vertex[0], a.lobe) == (b.vertex[0], b.lobe)) {
-                    let first = &cell[0];
-                    let sums = self.sum_cell(cell, dz as f32, dy as f32);
-                    for (dx, corner) in sums.iter().enumerate() {
-                        let octant = (1 - dx) | ((1 - dy) << 1 | (1 - dz) << 2) as usize;
-                        let vertex = sum.at(first.vertex[0] + dx as u16, first.lobe);
-                        vertex.moments.add(corner);
-                        vertex.octants[octant] += corner.light.w;
-                    }
+    pub(super) fn sweep_vpls(
+        &self,
+        records: &[GridLight],
+        firsts: &[u32],
+        rows: &CellRows,
+        shares: &[Corners],
+    ) -> Level {
+        self.sweep(rows, shares, |sum, [vz, vy]| {
+            for [dz, dy] in SIDES {
+                for place in rows.row([i32::from(vz) - dz, i32::from(vy) - dy]) {
+                    let (x, lobe, _) = rows.cell(place);
+                    let lights = &records[firsts[place] as usize..firsts[place + 1] as usize];
+                    let [lower, upper] = self.sum_cell(lights, dz as f32, dy as f32);
+                    sum.at(x, lobe).moments.add(&lower);
+                    sum.at(x + 1, lobe).moments.add(&upper);
                 }
             }
         })
     }
 
+    /// Position inside a cell, 0…1 along each axis.
+    #[inline(always)]
+    pub(super) fn inside(&self, position: Vec3, cell: [u16; 3]) -> Vec3A {
+        let scaled = Vec3A::from(position - self.origin) * self.cell_size.recip();
+        (scaled - Vec3A::from_array(cell.map(f32::from))).clamp(Vec3A::ZERO, Vec3A::ONE)
+    }
+
     /// The lights of one cell as its corners at the lower and the upper x see them.
     #[inline(always)]
     fn sum_cell(&self, lights: &[GridLight], dz: f32, dy: f32) -> [Moments; 2] {
-        let low = Vec3A::from_array(lights[0].vertex.map(f32::from));
-        let (origin, scale) = (Vec3A::from(self.origin), self.cell_size.recip());
         let mut sums = [Moments::default(); 2];
         for light in lights {
-            let p = (Vec3A::from(light.position) - origin) * scale - low;
-            let p = p.clamp(Vec3A::ZERO, Vec3A::ONE);
+            let p = self.inside(light.position, light.vertex);
             let hat_zy = (1.0 - dz - p.z).abs() * (1.0 - dy - p.y).abs();
             let offset = p - Vec3A::new(0.0, dy, dz);
             sums[0].add_share(light, hat_zy * (1.0 - p.x), offset, Vec3A::ZERO);
@@ -62,17 +70,18 @@ impl Lattice {
         sums
     }
 
-    /// A coarser level from the moments of the level below.
+    /// A coarser level from the moments of the level below, and what its cells share to their
+    /// corners.
     ///
     /// Cost: 3.4 additions a grid light of the level below
-    pub(super) fn sweep_level(&self, fine: &Level, cell_rows: &[Row]) -> Level {
+    pub(super) fn sweep_level(&self, fine: &Level, rows: &CellRows, shares: &[Corners]) -> Level {
         let scale = self.cell_size.recip();
-        self.sweep(cell_rows, |sum, [vz, vy]| {
+        self.sweep(rows, shares, |sum, [vz, vy]| {
             for dz in -1..=1 {
                 for dy in -1..=1 {
                     let (z, y) = (2 * i32::from(vz) + dz, 2 * i32::from(vy) + dy);
                     let weight = half(dz) * half(dy);
-                    for light in fine.row([z, y]) {
+                    for light in &fine.lights[find_row(&fine.rows, [z, y])] {
                         let x = i32::from(light.vertex[0]);
                         let p_fine =
                             self.origin + Vec3::from(light.vertex.map(f32::from)) * fine.cell_size;
@@ -84,7 +93,6 @@ impl Lattice {
                             let share = weight * half(offset.x);
                             let vertex = sum.at(vx as u16, light.lobe);
                             vertex.moments.add_share(light, share, mean, variance);
-                            vertex.add_octants(&light.octants, share, offset);
                         }
                     }
                 }
@@ -92,14 +100,20 @@ impl Lattice {
         })
     }
 
-    /// The lights of all vertices of some rows of cells.
-    fn sweep(&self, cell_rows: &[Row], add: impl Fn(&mut RowSum, Row) + Sync) -> Level {
-        let rows = vertex_rows(cell_rows);
+    /// The lights of all vertices of some cells.
+    fn sweep(
+        &self,
+        cell_rows: &CellRows,
+        shares: &[Corners],
+        add: impl Fn(&mut RowSum, Row) + Sync,
+    ) -> Level {
+        let rows = vertex_rows(cell_rows.rows());
         let sweep_part = |rows: &[Row]| {
             let mut sum = RowSum::new(self);
             let mut part = Level::default();
             for &row in rows {
                 add(&mut sum, row);
+                sum.add_octants(row, cell_rows, shares);
                 sum.finish(row, self, &mut part);
             }
             part
@@ -115,11 +129,12 @@ fn half(offset: i32) -> f32 {
     if offset == 0 { 1.0 } else { 0.5 }
 }
 
-/// Rows of the vertices of cells, sorted, each once.
-fn vertex_rows(cell_rows: &[Row]) -> Vec<Row> {
-    let mut rows = Vec::with_capacity(4 * cell_rows.len());
+/// Rows of the vertices of cells in some rows, sorted, each once.
+fn vertex_rows(cell_rows: &[(Row, u32)]) -> Vec<Row> {
+    let inner = &cell_rows[..cell_rows.len() - 1];
+    let mut rows = Vec::with_capacity(4 * inner.len());
     for dz in 0..=1 {
-        rows.extend(cell_rows.iter().flat_map(|[z, y]| [[z + dz, *y], [z + dz, y + 1]]));
+        rows.extend(inner.iter().flat_map(|([z, y], _)| [[z + dz, *y], [z + dz, y + 1]]));
     }
     // Two sorted runs: this sort merges them.
     rows.sort();
@@ -127,16 +142,7 @@ fn vertex_rows(cell_rows: &[Row]) -> Vec<Row> {
     rows
 }
 
-/// Rows of the cells of twice the size, sorted, each once.
-pub(super) fn coarser_rows(cell_rows: &[Row]) -> Vec<Row> {
-    let mut rows: Vec<Row> = cell_rows.iter().map(|row| row.map(|c| c / 2)).collect();
-    rows.dedup();
-    rows.sort();
-    rows.dedup();
-    rows
-}
-
-/// One level from parts that follow each other.
+/// One level from parts that follow each other, without its cells.
 fn join(parts: &[Level], cell_size: f32) -> Level {
     let (mut starts, mut rows, mut count) = (Vec::new(), Vec::new(), 0);
     for part in parts {
@@ -147,20 +153,12 @@ fn join(parts: &[Level], cell_size: f32) -> Level {
     rows.push(([u16::MAX; 2], count as u32));
     let light = |i: usize| {
         let part = starts.partition_point(|&start| start <= i) - 1;
-        parts[part].lights[i - starts[part]]
+        let at = i - starts[part];
+        (parts[part].lights[at], parts[part].octants[at])
     };
-    let lights = (0..count).into_par_iter().map(light).collect();
-    Level { cell_size, lights, rows, cells: Vec::new() }
-}
-
-impl Level {
-    /// The lights of one row (z, y).
-    fn row(&self, [z, y]: [i32; 2]) -> &[GridLight] {
-        let (Ok(z), Ok(y)) = (u16::try_from(z), u16::try_from(y)) else { return &[] };
-        let inner = &self.rows[..self.rows.len() - 1];
-        let Ok(at) = inner.binary_search_by(|r| r.0.cmp(&[z, y])) else { return &[] };
-        &self.lights[self.rows[at].1 as usize..self.rows[at + 1].1 as usize]
-    }
+    let (mut lights, mut octants) = (Vec::new(), Vec::new());
+    (0..count).into_par_iter().map(light).unzip_into_vecs(&mut lights, &mut octants);
+    Level { cell_size, lights, octants, rows, cells: Vec::new() }
 }
 
 /// Sums over the shares around one vertex; lengths in cells, positions relative to the vertex.
@@ -197,21 +195,7 @@ impl Moments {
 #[derive(Clone, Copy, Default)]
 struct VertexSum {
     moments: Moments,
-    octants: [f32; 8],
-}
-
-impl VertexSum {
-    /// Adds a share of the octants of a finer vertex `offset` fine cells away.
-    fn add_octants(&mut self, octants: &[f32; 8], share: f32, offset: IVec3) {
-        for (octant, &part) in octants.iter().enumerate() {
-            // The fine cell's side of the coarse vertex along each axis.
-            let side = |axis: usize| {
-                let above = octant >> axis & 1 == 1;
-                usize::from(if offset[axis] == 0 { above } else { offset[axis] > 0 })
-            };
-            self.octants[side(0) | side(1) << 1 | side(2) << 2] += part * share;
-        }
-    }
+    octants: Octants,
 }
 
 /// Sums of one row of vertices, kept from row to row: what a row costs depends on the lights near
@@ -242,6 +226,22 @@ impl RowSum {
         &mut self.sums[*slot as usize - 1]
     }
 
+    /// What the vertices of a row take from each cell around them.
+    fn add_octants(&mut self, [vz, vy]: Row, rows: &CellRows, shares: &[Corners]) {
+        for [dz, dy] in SIDES {
+            for place in rows.row([i32::from(vz) - dz, i32::from(vy) - dy]) {
+                let (x, lobe, position) = rows.cell(place);
+                for dx in 0..=1 {
+                    let corner = dx | (dy << 1 | dz << 2) as usize;
+                    let octants = &mut self.at(x + dx as u16, lobe).octants;
+                    // Seen from its corner, the cell lies on the other side.
+                    octants.luminance[7 - corner] = shares[position][corner];
+                    octants.cells[7 - corner] = position as u32;
+                }
+            }
+        }
+    }
+
     /// Appends the row and its lights to a level; leaves the sums empty.
     fn finish(&mut self, [z, y]: Row, lattice: &Lattice, level: &mut Level) {
         let first = level.lights.len();
@@ -265,8 +265,8 @@ impl RowSum {
                 variance: Vec3::from(variance) * (lattice.cell_size * lattice.cell_size),
                 vertex,
                 lobe: (key % self.lobes) as u8,
-                octants,
             });
+            level.octants.push(octants);
         }
         self.sums.clear();
         if level.lights.len() > first {
