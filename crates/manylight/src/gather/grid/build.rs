@@ -2,68 +2,113 @@
 //!
 //! Every sum runs in a fixed order inside one row, and rows are independent: the result has the
 //! same bits at any thread count, without atomics.
-//! Cost: one sort of the virtual lights, then about 8 additions a light and 3.4 a grid light.
+//! Cost: one sort of the virtual lights and one of each level's cells, then 8 additions a light and
+//! 3.4 a grid light.
 
+use super::cells::{CellRows, Corners, cells_of, share_of_cells, share_of_points};
 use super::record::{GridLight, Level, LightingGrid};
+use super::sort::{Keyed, morton, sort_by_key};
+use super::sweep::Lattice;
 use crate::math::luminance;
 use crate::settings::{GridSettings, MAX_LEVELS, MIN_LEVELS};
 use crate::vlight::Vpl;
-use glam::{IVec3, Vec3};
+use glam::Vec3;
 use rayon::prelude::*;
 
 /// Virtual lights per block of prefix sums.
 pub(super) const BLOCK: usize = 32;
+/// Most lights of level 1 per virtual light.
+const MOST_PER_VPL: usize = 4;
+/// Bits of a sort key: three for the lobe, above three a level.
+const KEY_BITS: u32 = 3 * MAX_LEVELS;
+/// Lobe of lights that are left out: sorts them behind all others.
+const LEFT_OUT: u32 = 7;
 
 impl LightingGrid {
     /// Builds the hierarchy over `lights`.
     ///
     /// Without a setting the number of levels is the largest for which level 1 has fewer lights
     /// than half the virtual lights, or more until level 1 resolves `detail`, the size in metres
-    /// below which a cell brings nothing, as long as level 1 has fewer than four lights per
+    /// below which a cell brings nothing, as long as level 1 has no more than four lights per
     /// virtual light: a few lights far away must not coarsen the rest.
     ///
     /// Lights without intensity or with a value that is not finite are left out.
     /// Errors: never; without lights there are no levels
     pub fn build(lights: &[Vpl], settings: &GridSettings, detail: f32) -> Self {
-        let is_valid = |l: &&Vpl| {
-            let is_finite =
-                l.position.is_finite() && l.normal.is_finite() && l.intensity.is_finite();
-            is_finite && luminance(l.intensity) > 0.0
-        };
-        let lights: Vec<Vpl> = lights.iter().filter(is_valid).copied().collect();
-        if lights.is_empty() {
+        let (count, [low, high]) = bounds(lights);
+        if count == 0 {
             return Self::default();
         }
-        let fold = |[a, b]: [Vec3; 2], l: &Vpl| [a.min(l.position), b.max(l.position)];
-        let [low, high] = lights.iter().fold([Vec3::INFINITY, Vec3::NEG_INFINITY], fold);
         // A little room, so that the last light lies inside the last cell.
         let edge =
             ((high - low).max_element() * 1.0001).max(1e-4 * high.abs().max_element().max(1e-3));
-        let mut cube = Cube { origin: low, edge, level_count: 0, lobes: settings.lobes };
-        let levels = settings.levels.unwrap_or_else(|| cube.choose_level_count(&lights, detail));
-        cube.level_count = levels;
+        let mut cube = Cube { origin: low, edge, level_count: MAX_LEVELS, lobes: settings.lobes };
+        let order = cube.sort(lights, count);
+        cube.level_count =
+            settings.levels.unwrap_or_else(|| cube.choose_level_count(&order, detail));
+        let lights: Vec<Vpl> = order.par_iter().map(|o| lights[o.1 as usize]).collect();
         loop {
-            let mut grid = cube.sort(&lights);
-            let first = cube.sweep_vpls(&grid);
-            // The estimate of vertices per cell may have been too low.
-            let too_many = settings.levels.is_none() && first.len() > MOST_PER_VPL * lights.len();
+            let keys = cube.occupied_cells(&order);
+            let rows = CellRows::new(&keys, cube.depth(1));
+            let (record_lights, firsts) = lights_by_row(&keys, &rows);
+            let records = cube.records(&lights, &record_lights);
+            let points: Vec<[f32; 4]> = lights.par_iter().map(|l| cube.point(l)).collect();
+            let lights_of = |pair: &[Keyed]| &points[pair[0].1 as usize..pair[1].1 as usize];
+            let share = |pair: &[Keyed]| share_of_points(lights_of(pair)).map(|s| s as f32);
+            let shares: Vec<Corners> = keys.par_windows(2).map(share).collect();
+            let first = cube.lattice(1).sweep_vpls(&records, &firsts, &rows, &shares);
+            // Only now it is known how many vertices the cells share.
+            let too_many =
+                settings.levels.is_none() && first.lights.len() > MOST_PER_VPL * lights.len();
             if too_many && cube.level_count > MIN_LEVELS {
                 cube.level_count -= 1;
                 continue;
             }
-            cube.build_levels(&mut grid, first);
-            if settings.start_level == 0 {
-                cube.build_level0(&mut grid);
-            }
-            return grid;
+            let (level0, level0_lights) = match settings.start_level {
+                0 => (cube.level0(records, &firsts, &rows), record_lights),
+                _ => Default::default(),
+            };
+            let levels =
+                cube.levels(Level { cells: cells_of(&keys, &shares, None), ..first }, keys);
+            let (origin, blocks) = (cube.origin, sum_blocks(&points));
+            return Self { origin, levels, level0, level0_lights, lights, points, blocks };
         }
     }
 }
 
-/// Most lights of level 1 per virtual light.
-const MOST_PER_VPL: usize = 4;
+/// Sums of what lights share to the corners of their own cells, before each block.
+fn sum_blocks(points: &[[f32; 4]]) -> Vec<[f64; 8]> {
+    let sums: Vec<[f64; 8]> = points.par_chunks(BLOCK).map(share_of_points).collect();
+    let mut blocks = vec![[0.0; 8]];
+    let mut running = [0.0; 8];
+    for sum in sums {
+        (0..8).for_each(|c| running[c] += sum[c]);
+        blocks.push(running);
+    }
+    blocks
+}
 
-/// The lattice of the level at hand.
+/// Whether a light takes part.
+fn is_valid(light: &Vpl) -> bool {
+    let is_finite =
+        light.position.is_finite() && light.normal.is_finite() && light.intensity.is_finite();
+    is_finite && luminance(light.intensity) > 0.0
+}
+
+/// Number and bounds of the lights that take part.
+fn bounds(lights: &[Vpl]) -> (usize, [Vec3; 2]) {
+    const NONE: (usize, [Vec3; 2]) = (0, [Vec3::INFINITY, Vec3::NEG_INFINITY]);
+    let add = |(n, [low, high]): (usize, [Vec3; 2]), light: &Vpl| match is_valid(light) {
+        true => (n + 1, [low.min(light.position), high.max(light.position)]),
+        false => (n, [low, high]),
+    };
+    lights
+        .par_iter()
+        .fold(|| NONE, add)
+        .reduce(|| NONE, |(n, [a, b]), (m, [c, d])| (n + m, [a.min(c), b.max(d)]))
+}
+
+/// The cube around all lights, cut into levels.
 struct Cube {
     origin: Vec3,
     edge: f32,
@@ -71,34 +116,11 @@ struct Cube {
     lobes: u32,
 }
 
-/// Sort key: lobe above the interleaved bits of the cell of level `shift` + 1.
+/// Sort key: lobe above the interleaved bits of a cell, `depth` halvings of the cube.
 ///
-/// The key of a coarser cell is that of any level-1 cell inside it, shifted by three bits a level.
-pub(super) fn sort_key(lobe: u32, cell: [u32; 3], shift: u32) -> u64 {
-    let morton = spread(cell[0]) | spread(cell[1]) << 1 | spread(cell[2]) << 2;
-    u64::from(lobe) << (3 * (MAX_LEVELS - shift)) | morton
-}
-
-/// First light of every occupied cell from sorted keys, with a sentinel at the end.
-fn occupied_cells(keys: impl Iterator<Item = (u64, u32)>, count: usize) -> Vec<(u64, u32)> {
-    let mut cells: Vec<(u64, u32)> = Vec::new();
-    for (key, first) in keys {
-        if cells.last().is_none_or(|c| c.0 != key) {
-            cells.push((key, first));
-        }
-    }
-    cells.push((u64::MAX, count as u32));
-    cells
-}
-
-/// Puts two zero bits between the bits of a number below 2^21.
-fn spread(x: u32) -> u64 {
-    let mut x = u64::from(x);
-    x = (x | x << 32) & 0x1f_0000_0000_ffff;
-    x = (x | x << 16) & 0x1f_0000_ff00_00ff;
-    x = (x | x << 8) & 0x100f_00f0_0f00_f00f;
-    x = (x | x << 4) & 0x10c3_0c30_c30c_30c3;
-    (x | x << 2) & 0x1249_2492_4924_9249
+/// The key of a coarser cell is that of any cell inside it, shifted by three bits a level.
+fn sort_key(lobe: u32, cell: [u32; 3], depth: u32) -> u64 {
+    u64::from(lobe) << (3 * depth) | morton(cell)
 }
 
 /// 0…5 for +x −x +y −y +z −z.
@@ -115,201 +137,90 @@ fn dominant_axis(normal: Vec3) -> u32 {
 }
 
 impl Cube {
-    fn cells(&self) -> u32 {
-        1 << (self.level_count - 1)
+    /// Halvings of the cube to the cells of a level.
+    fn depth(&self, level: u32) -> u32 {
+        self.level_count - level
     }
 
-    fn cell_size(&self) -> f32 {
-        self.edge / self.cells() as f32
+    /// Cells of a level along the cube's edge.
+    fn cells(&self, level: u32) -> u32 {
+        1 << self.depth(level)
     }
 
-    /// Position in units of level-1 cells.
-    fn lattice(&self, p: Vec3) -> Vec3 {
-        ((p - self.origin) / self.cell_size()).max(Vec3::ZERO)
+    fn cell_size(&self, level: u32) -> f32 {
+        self.edge / self.cells(level) as f32
     }
 
+    fn lattice(&self, level: u32) -> Lattice {
+        let (cell_size, cells) = (self.cell_size(level), self.cells(level));
+        Lattice { origin: self.origin, cell_size, cells, lobes: self.lobes }
+    }
+
+    /// Position in level-1 cells.
+    ///
+    /// Scaling by powers of two is exact: with fewer levels it is the same, halved.
+    fn lattice_position(&self, p: Vec3) -> [f32; 3] {
+        let lattice = (p - self.origin) * self.cell_size(1).recip();
+        lattice.to_array().map(|c| c.max(0.0))
+    }
+
+    /// Level-1 cell of a position.
     fn cell_of(&self, p: Vec3) -> [u32; 3] {
-        let cell = self.lattice(p).to_array().map(|c| c as u32);
-        cell.map(|c| c.min(self.cells() - 1))
+        let last = self.cells(1) - 1;
+        self.lattice_position(p).map(|c| (c as u32).min(last))
     }
 
     fn lobe_of(&self, normal: Vec3) -> u32 {
         if self.lobes == 1 { 0 } else { dominant_axis(normal) }
     }
 
-    /// The paper's number of levels, or more until cells resolve `detail`.
-    fn choose_level_count(&self, lights: &[Vpl], detail: f32) -> u32 {
-        let by_count = self.levels_below(lights, lights.len() / 2);
-        let resolves = |l: &u32| Cube { level_count: *l, ..*self }.cell_size() <= detail;
-        let by_detail = (by_count..=MAX_LEVELS).find(resolves).unwrap_or(MAX_LEVELS);
-        by_count.max(by_detail.min(self.levels_below(lights, MOST_PER_VPL * lights.len())))
-    }
-
-    /// The most levels for which level 1 has fewer lights than the limit, by an estimate.
-    fn levels_below(&self, lights: &[Vpl], limit: usize) -> u32 {
-        let finest = Cube { level_count: MAX_LEVELS, ..*self };
-        let mut keys: Vec<u64> = lights
-            .par_iter()
-            .map(|l| sort_key(self.lobe_of(l.normal), finest.cell_of(l.position), 0))
-            .collect();
-        keys.par_sort_unstable();
-        // A cell of level l begins where bits at or above 3·(its depth) change.
-        let mut cells = [1usize; MAX_LEVELS as usize + 1];
-        for pair in keys.windows(2) {
-            let bit = 63 - (pair[0] ^ pair[1] | 1).leading_zeros();
-            let same = pair[0] == pair[1];
-            for (level, count) in cells.iter_mut().enumerate().skip(1) {
-                let shift = 3 * (MAX_LEVELS - level as u32);
-                *count += usize::from(!same && bit >= shift);
-            }
-        }
-        // Every cell has eight vertices, shared by two to four neighbors on a surface.
-        let fits = |l: &u32| 2 * cells[*l as usize] < limit;
-        (MIN_LEVELS..=MAX_LEVELS).rev().find(fits).unwrap_or(MIN_LEVELS)
-    }
-
-    /// Sorts the lights by (lobe, Morton code) and sums up their blocks.
-    fn sort(&self, lights: &[Vpl]) -> LightingGrid {
-        let mut order: Vec<(u64, u32)> = lights
-            .par_iter()
-            .enumerate()
-            .map(|(i, l)| (sort_key(self.lobe_of(l.normal), self.cell_of(l.position), 0), i as u32))
-            .collect();
-        order.par_sort_unstable();
-        let count = order.len();
-        let keys = order.iter().enumerate().map(|(i, o)| (o.0, i as u32));
-        let cells = occupied_cells(keys, count);
-        let sorted: Vec<Vpl> = order.par_iter().map(|o| lights[o.1 as usize]).collect();
-        let mut grid = LightingGrid {
-            origin: self.origin,
-            levels: vec![Level { cell_size: self.cell_size(), cells, ..Level::default() }],
-            level0: Level::default(),
-            level0_lights: Vec::new(),
-            lights: sorted,
-            points: Vec::new(),
-            blocks: Vec::new(),
-        };
-        grid.points = grid.lights.par_iter().map(|l| grid.draw_point(l)).collect();
-        let sums: Vec<[f64; 8]> =
-            grid.points.par_chunks(BLOCK).map(LightingGrid::monomials).collect();
-        let mut running = [0.0; 8];
-        for sum in sums {
-            grid.blocks.push(running);
-            (0..8).for_each(|i| running[i] += sum[i]);
-        }
-        grid.blocks.push(running);
-        grid
-    }
-
-    /// Level 1: shares every virtual light among the eight vertices of its cell.
-    fn sweep_vpls(&self, grid: &LightingGrid) -> Vec<GridLight> {
-        let cells = self.cells() as usize;
-        // Counting sort by cell row (z, y): rows are swept in order.
-        let row_of = |l: &Vpl| {
-            let [_, y, z] = self.cell_of(l.position);
-            z as usize * cells + y as usize
-        };
-        let rows: Vec<u32> = grid.lights.par_iter().map(|l| row_of(l) as u32).collect();
-        let mut order: Vec<(u32, u32)> =
-            rows.iter().enumerate().map(|(i, &row)| (row, i as u32)).collect();
-        order.par_sort_unstable();
-        let vpl = |i: u32| {
-            let l = &grid.lights[i as usize];
-            let lattice = self.lattice(l.position);
-            let cell = self.cell_of(l.position);
-            (l, lattice, cell, self.lobe_of(l.normal))
-        };
-        let occupied = vertex_rows(
-            order.iter().map(|o| [(o.0 as usize / cells) as i32, (o.0 as usize % cells) as i32]),
-        );
-        let sweep = |row: &mut RowSum, &[vz, vy]: &[i32; 2]| {
-            for (cz, cy) in [(vz - 1, vy - 1), (vz - 1, vy), (vz, vy - 1), (vz, vy)] {
-                if cz < 0 || cy < 0 || cz >= cells as i32 || cy >= cells as i32 {
-                    continue;
+    /// Sort key and index of every light that takes part, in order of the keys.
+    fn sort(&self, lights: &[Vpl], count: usize) -> Vec<Keyed> {
+        let key = |(i, light): (usize, &Vpl)| {
+            let key = match is_valid(light) {
+                true => {
+                    let cell = self.cell_of(light.position);
+                    sort_key(self.lobe_of(light.normal), cell, self.depth(1))
                 }
-                let key = (cz as usize * cells + cy as usize) as u32;
-                let start = order.partition_point(|o| o.0 < key);
-                for &(_, i) in order[start..].iter().take_while(|o| o.0 == key) {
-                    let (light, lattice, cell, lobe) = vpl(i);
-                    let hat = |v: i32, x: f32| (1.0 - (x - v as f32).abs()).max(0.0);
-                    let hat_zy = hat(vz, lattice.z) * hat(vy, lattice.y);
-                    for vx in [cell[0] as i32, cell[0] as i32 + 1] {
-                        let share = hat_zy * hat(vx, lattice.x);
-                        let above = |c: i32, v: i32| usize::from(c >= v);
-                        let octant =
-                            above(cell[0] as i32, vx) | above(cy, vy) << 1 | above(cz, vz) << 2;
-                        let vertex = IVec3::new(vx, vy, vz).as_vec3();
-                        let p_vertex = self.origin + vertex * self.cell_size();
-                        row.at(vx, lobe).add_vpl(light, share, light.position - p_vertex, octant);
-                    }
-                }
-            }
-            row.finish([vy, vz], self.origin, self.cell_size())
-        };
-        let new_row = || RowSum::new(cells + 1, self.lobes);
-        let rows: Vec<_> = occupied.par_iter().with_min_len(4).map_init(new_row, sweep).collect();
-        rows.concat()
-    }
-
-    /// Levels 2…L from the moments of the level below, and the row tables of all.
-    fn build_levels(&self, grid: &mut LightingGrid, first: Vec<GridLight>) {
-        grid.levels[0].lights = first;
-        for level in 1..self.level_count {
-            let cells = (self.cells() >> level) as usize;
-            let cell_size = self.cell_size() * (1 << level) as f32;
-            let fine = &grid.levels[level as usize - 1];
-            let rows = occupied_rows(&fine.lights);
-            let coarse = vertex_rows_above(&rows);
-            let sweep = |row: &mut RowSum, &[vz, vy]: &[i32; 2]| {
-                for dz in -1..=1 {
-                    for dy in -1..=1 {
-                        let (z, y) = (2 * vz + dz, 2 * vy + dy);
-                        let key = [z as u16, y as u16];
-                        let Ok(at) = rows.binary_search_by(|r| r.0.cmp(&key)) else { continue };
-                        if z < 0 || y < 0 || at + 1 == rows.len() {
-                            continue;
-                        }
-                        let weight = half(dz) * half(dy);
-                        for light in &fine.lights[rows[at].1 as usize..rows[at + 1].1 as usize] {
-                            let x = i32::from(light.vertex[0]);
-                            for vx in x / 2..=(x + 1) / 2 {
-                                let offset = IVec3::new(x - 2 * vx, dy, dz);
-                                let share = weight * half(offset.x);
-                                let shift = offset.as_vec3() * fine.cell_size;
-                                let p_fine = self.origin
-                                    + Vec3::from(light.vertex.map(f32::from)) * fine.cell_size;
-                                row.at(vx, u32::from(light.lobe))
-                                    .add_light(light, share, p_fine, shift, offset);
-                            }
-                        }
-                    }
-                }
-                row.finish([vy, vz], self.origin, cell_size)
+                false => sort_key(LEFT_OUT, [0; 3], self.depth(1)),
             };
-            let new_row = || RowSum::new(cells + 1, self.lobes);
-            let swept: Vec<_> =
-                coarse.par_iter().with_min_len(4).map_init(new_row, sweep).collect();
-            let lights = swept.concat();
-            let inner = &fine.cells[..fine.cells.len() - 1];
-            let cells = inner.iter().map(|c| (c.0 >> 3, c.1));
-            let cells = occupied_cells(cells, grid.lights.len());
-            grid.levels.push(Level { cell_size, lights, cells, rows: Vec::new() });
-        }
-        grid.levels.iter_mut().for_each(|l| l.rows = occupied_rows(&l.lights));
-    }
-}
-
-impl Cube {
-    /// The virtual lights themselves as records sorted by their cell.
-    fn build_level0(&self, grid: &mut LightingGrid) {
-        let key = |&i: &u32| {
-            let [x, y, z] = self.cell_of(grid.lights[i as usize].position);
-            [z, y, x, i]
+            (key, i as u32)
         };
-        let mut order: Vec<u32> = (0..grid.lights.len() as u32).collect();
-        order.par_sort_unstable_by_key(key);
+        let keys = lights.par_iter().enumerate().map(key).collect();
+        let mut order = sort_by_key(keys, KEY_BITS);
+        order.truncate(count);
+        order
+    }
+
+    /// The paper's number of levels, or more until cells resolve `detail`.
+    fn choose_level_count(&self, order: &[Keyed], detail: f32) -> u32 {
+        let cells = count_cells(order);
+        // Every cell has eight vertices, shared by two to four neighbors on a surface.
+        let fits = |l: &u32| 2 * cells[*l as usize] < order.len() / 2;
+        let by_count = (MIN_LEVELS..=MAX_LEVELS).rev().find(fits).unwrap_or(MIN_LEVELS);
+        let resolves = |l: &u32| Self { level_count: *l, ..*self }.cell_size(1) <= detail;
+        (by_count..=MAX_LEVELS).find(resolves).unwrap_or(MAX_LEVELS)
+    }
+
+    /// Key of every occupied cell of level 1 with its first light, and a sentinel at the end.
+    ///
+    /// `order` has keys of the finest cells.
+    fn occupied_cells(&self, order: &[Keyed]) -> Vec<Keyed> {
+        let shift = 3 * (MAX_LEVELS - self.level_count);
+        let keys = order.iter().enumerate().map(|(i, o)| (o.0 >> shift, i as u32));
+        first_of_each(keys, order.len())
+    }
+
+    /// Position in level-1 cells and luminance of a light.
+    fn point(&self, light: &Vpl) -> [f32; 4] {
+        let [x, y, z] = self.lattice_position(light.position);
+        [x, y, z, luminance(light.intensity)]
+    }
+
+    /// Some virtual lights as records in their cells of level 1.
+    fn records(&self, lights: &[Vpl], order: &[u32]) -> Vec<GridLight> {
         let record = |&i: &u32| {
-            let light = &grid.lights[i as usize];
+            let light = &lights[i as usize];
             GridLight {
                 position: light.position,
                 luminance: luminance(light.intensity),
@@ -317,152 +228,81 @@ impl Cube {
                 normal: light.normal,
                 variance: Vec3::ZERO,
                 vertex: self.cell_of(light.position).map(|c| c as u16),
-                lobe: 0,
-                octants: [0.0; 8],
+                lobe: self.lobe_of(light.normal) as u8,
             }
         };
-        let lights: Vec<GridLight> = order.par_iter().map(record).collect();
-        let rows = occupied_rows(&lights);
-        grid.level0 = Level { cell_size: self.cell_size(), lights, rows, cells: Vec::new() };
-        grid.level0_lights = order;
+        order.par_iter().map(record).collect()
+    }
+
+    /// Level 0 from the virtual lights by row of their cells and the first of each cell.
+    fn level0(&self, lights: Vec<GridLight>, firsts: &[u32], rows: &CellRows) -> Level {
+        let rows = rows.rows().iter().map(|&(row, cell)| (row, firsts[cell as usize])).collect();
+        Level { cell_size: self.cell_size(1), lights, rows, ..Level::default() }
+    }
+
+    /// All levels from the first and the keys of its cells with their first lights.
+    fn levels(&self, first: Level, mut keys: Vec<Keyed>) -> Vec<Level> {
+        let mut levels = vec![first];
+        for level in 2..=self.level_count {
+            let fine = &levels[levels.len() - 1];
+            let count = keys.len() - 1;
+            let coarser = keys[..count].iter().enumerate().map(|(i, k)| (k.0 >> 3, i as u32));
+            keys = first_of_each(coarser, count);
+            let inner = |pair: &[Keyed]| &fine.cells[pair[0].1 as usize..pair[1].1 as usize];
+            let shares: Vec<Corners> =
+                keys.par_windows(2).map(|pair| share_of_cells(inner(pair))).collect();
+            let rows = CellRows::new(&keys, self.depth(level));
+            let coarse = self.lattice(level).sweep_level(fine, &rows, &shares);
+            levels.push(Level { cells: cells_of(&keys, &shares, Some(&fine.cells)), ..coarse });
+        }
+        levels
     }
 }
 
-/// Value of a coarse hat function at a fine vertex `offset` fine cells away.
-fn half(offset: i32) -> f32 {
-    if offset == 0 { 1.0 } else { 0.5 }
+/// The lights of cells with some keys in the order of the cells' rows, and the first of each cell
+/// there, with the number of all at the end.
+fn lights_by_row(keys: &[Keyed], rows: &CellRows) -> (Vec<u32>, Vec<u32>) {
+    let count = keys.last().map_or(0, |sentinel| sentinel.1 as usize);
+    let (mut order, mut firsts) = (Vec::with_capacity(count), Vec::with_capacity(keys.len()));
+    for cell in rows.positions() {
+        firsts.push(order.len() as u32);
+        order.extend(keys[cell].1..keys[cell + 1].1);
+    }
+    firsts.push(order.len() as u32);
+    (order, firsts)
 }
 
-/// Vertex rows touched by cell rows (z, y), sorted, each once.
-fn vertex_rows(cell_rows: impl Iterator<Item = [i32; 2]>) -> Vec<[i32; 2]> {
-    let mut rows: Vec<[i32; 2]> = Vec::new();
-    let mut last = None;
-    for [z, y] in cell_rows {
-        if last != Some([z, y]) {
-            rows.extend([[z, y], [z, y + 1], [z + 1, y], [z + 1, y + 1]]);
-            last = Some([z, y]);
+/// Occupied cells by number of levels, from sorted keys of the finest cells.
+fn count_cells(order: &[Keyed]) -> [usize; MAX_LEVELS as usize + 1] {
+    // Pairs of neighbors by the most levels at which they still share a cell.
+    let add = |mut counts: [usize; MAX_LEVELS as usize + 1], pair: &[Keyed]| {
+        let different = pair[0].0 ^ pair[1].0;
+        if different != 0 {
+            let level = MAX_LEVELS - different.ilog2() / 3;
+            counts[level as usize] += 1;
+        }
+        counts
+    };
+    let none = || [0; MAX_LEVELS as usize + 1];
+    let sum = |a: [usize; MAX_LEVELS as usize + 1], b: [usize; MAX_LEVELS as usize + 1]| {
+        std::array::from_fn(|i| a[i] + b[i])
+    };
+    let mut cells = order.par_windows(2).fold(none, add).reduce(none, sum);
+    cells[0] += 1;
+    for level in 1..cells.len() {
+        cells[level] += cells[level - 1];
+    }
+    cells
+}
+
+/// Each key once, with the first of what belongs to it, and a sentinel at the end.
+fn first_of_each(keys: impl Iterator<Item = Keyed>, end: usize) -> Vec<Keyed> {
+    let mut cells: Vec<Keyed> = Vec::new();
+    for (key, first) in keys {
+        if cells.last().is_none_or(|c| c.0 != key) {
+            cells.push((key, first));
         }
     }
-    rows.sort_unstable();
-    rows.dedup();
-    rows
-}
-
-/// Coarse vertex rows that fine vertex rows contribute to, sorted, each once.
-fn vertex_rows_above(rows: &[([u16; 2], u32)]) -> Vec<[i32; 2]> {
-    let mut coarse = Vec::new();
-    for ([z, y], _) in &rows[..rows.len() - 1] {
-        let (z, y) = (i32::from(*z), i32::from(*y));
-        for cz in z / 2..=(z + 1) / 2 {
-            coarse.extend((y / 2..=(y + 1) / 2).map(|cy| [cz, cy]));
-        }
-    }
-    coarse.sort_unstable();
-    coarse.dedup();
-    coarse
-}
-
-/// First light of every occupied row, with a sentinel at the end.
-fn occupied_rows(lights: &[GridLight]) -> Vec<([u16; 2], u32)> {
-    let mut rows: Vec<([u16; 2], u32)> = Vec::new();
-    for (i, light) in lights.iter().enumerate() {
-        let row = [light.vertex[2], light.vertex[1]];
-        if rows.last().is_none_or(|r| r.0 != row) {
-            rows.push((row, i as u32));
-        }
-    }
-    rows.push(([u16::MAX; 2], lights.len() as u32));
-    rows
-}
-
-/// Moments of one vertex and lobe; positions are relative to the vertex.
-#[derive(Clone, Copy, Default)]
-struct Moments {
-    intensity: Vec3,
-    luminance: f32,
-    /// Σ luminance · offset and offset².
-    offset: Vec3,
-    offset_sq: Vec3,
-    normal: Vec3,
-    octants: [f32; 8],
-}
-
-impl Moments {
-    fn add_vpl(&mut self, light: &Vpl, share: f32, offset: Vec3, octant: usize) {
-        let mass = luminance(light.intensity) * share;
-        self.intensity += light.intensity * share;
-        self.luminance += mass;
-        self.offset += offset * mass;
-        self.offset_sq += offset * offset * mass;
-        self.normal += light.normal * mass;
-        self.octants[octant] += mass;
-    }
-
-    /// Adds a share of a finer vertex that lies `shift` metres, `offset` fine cells away.
-    fn add_light(&mut self, l: &GridLight, share: f32, p_fine: Vec3, shift: Vec3, offset: IVec3) {
-        let mass = l.luminance * share;
-        let mean = l.position - p_fine + shift;
-        self.intensity += l.intensity * share;
-        self.luminance += mass;
-        self.offset += mean * mass;
-        self.offset_sq += (l.variance + mean * mean) * mass;
-        self.normal += l.normal * mass;
-        for (octant, &part) in l.octants.iter().enumerate() {
-            // The fine cell's side of the coarse vertex along each axis.
-            let side = |axis: usize| {
-                let above = octant >> axis & 1 == 1;
-                usize::from(if offset[axis] == 0 { above } else { offset[axis] > 0 })
-            };
-            self.octants[side(0) | side(1) << 1 | side(2) << 2] += part * share;
-        }
-    }
-}
-
-/// Sums of one row of vertices, kept by a thread from row to row: what a row costs depends on the
-/// lights near it, not on its length.
-struct RowSum {
-    /// Position in `sums` of each vertex and lobe, plus one; 0 where there is none.
-    slots: Vec<u32>,
-    sums: Vec<(u32, Moments)>,
-    lobes: u32,
-}
-
-impl RowSum {
-    fn new(vertices: usize, lobes: u32) -> Self {
-        Self { slots: vec![0; vertices * lobes as usize], sums: Vec::new(), lobes }
-    }
-
-    fn at(&mut self, x: i32, lobe: u32) -> &mut Moments {
-        let key = x as u32 * self.lobes + lobe;
-        let slot = &mut self.slots[key as usize];
-        if *slot == 0 {
-            self.sums.push((key, Moments::default()));
-            *slot = self.sums.len() as u32;
-        }
-        &mut self.sums[*slot as usize - 1].1
-    }
-
-    /// The lights of the occupied vertices; leaves the sums empty.
-    fn finish(&mut self, [y, z]: [i32; 2], origin: Vec3, cell_size: f32) -> Vec<GridLight> {
-        self.sums.iter().for_each(|s| self.slots[s.0 as usize] = 0);
-        self.sums.sort_unstable_by_key(|s| s.0);
-        let occupied = self.sums.drain(..).filter(|(_, m)| m.luminance > 0.0);
-        occupied
-            .map(|(key, m)| {
-                let vertex = [(key / self.lobes) as u16, y as u16, z as u16];
-                let mean = m.offset / m.luminance;
-                let p_vertex = origin + Vec3::from(vertex.map(f32::from)) * cell_size;
-                GridLight {
-                    position: p_vertex + mean,
-                    luminance: m.luminance,
-                    intensity: m.intensity,
-                    normal: m.normal / m.luminance,
-                    variance: (m.offset_sq / m.luminance - mean * mean).max(Vec3::ZERO),
-                    vertex,
-                    lobe: (key % self.lobes) as u8,
-                    octants: m.octants,
-                }
-            })
-            .collect()
-    }
+    cells.push((u64::MAX, end as u32));
+    cells
 }

@@ -1,171 +1,130 @@
 //! Drawing one virtual light out of a grid light, in exact proportion to its share.
 //!
 //! A share is luminance × trilinear weight. Around a vertex the lights of one lobe lie in eight
-//! cells, each a contiguous range of the Morton order; within a cell the trilinear weight is a
-//! product of three linear functions, so that prefix sums of eight monomials give the mass of any
-//! run of blocks, and a draw is a binary search.
+//! cells. Inside a cell the weight is fixed by its values at the corners, so that the cells' own
+//! shares to them give the mass of every cell in it: the draw goes down from cell to cell, and at
+//! last from light to light. All sums are of positive terms in the cell's own coordinates: no
+//! digits are lost, whatever the number of levels and of lights.
 
-use super::build::{BLOCK, sort_key};
-use super::record::{GridLight, LightingGrid};
-use crate::math::luminance;
-use crate::vlight::Vpl;
-use glam::Vec3;
+use super::build::BLOCK;
+use super::cells::{Weight, mass};
+use super::record::LightingGrid;
 use std::ops::Range;
 
 /// Most lights between two block boundaries that enclose a range.
 const MOST_SCANNED: usize = 2 * BLOCK;
 
-/// The trilinear weight around one vertex: Π (1 − |x/s − v|), x in level-1 cells.
-struct VertexWeight {
+/// The hat function of one vertex: Π (1 − |x/s − v|), x in level-1 cells.
+struct Hat {
     /// 1/s: level-1 cells per cell of the level, inverted.
     scale: f32,
-    vertex: Vec3,
-    /// +1 where the cell at hand lies below the vertex, −1 above: the sign of the slope.
-    sign: Vec3,
+    vertex: [f32; 3],
 }
 
-impl VertexWeight {
-    /// Share of a light from its lattice position and luminance.
+impl Hat {
+    /// Share of a light from its position and luminance.
     #[inline(always)]
-    fn share(&self, [x, y, z, luminance]: [f32; 4]) -> f32 {
-        let hat = 1.0 - (Vec3::new(x, y, z) * self.scale - self.vertex).abs();
-        let hat = hat.max(Vec3::ZERO);
-        luminance * hat.x * hat.y * hat.z
-    }
-
-    /// Coefficients of (1, x, y, z, xy, yz, zx, xyz) inside the cell at hand.
-    fn coefficients(&self) -> [f64; 8] {
-        let sign = self.sign.as_dvec3();
-        let a = 1.0 - sign * self.vertex.as_dvec3();
-        let b = sign * f64::from(self.scale);
-        [
-            a.x * a.y * a.z,
-            b.x * a.y * a.z,
-            a.x * b.y * a.z,
-            a.x * a.y * b.z,
-            b.x * b.y * a.z,
-            a.x * b.y * b.z,
-            b.x * a.y * b.z,
-            b.x * b.y * b.z,
-        ]
+    fn share(&self, &[x, y, z, luminance]: &[f32; 4]) -> f32 {
+        let along = |x: f32, v: f32| (1.0 - (x * self.scale - v).abs()).max(0.0);
+        let [u, v, w] = self.vertex;
+        luminance * along(x, u) * along(y, v) * along(z, w)
     }
 }
 
 impl LightingGrid {
-    /// Position in level-1 cells and luminance, as the draw reads them.
-    pub(super) fn draw_point(&self, light: &Vpl) -> [f32; 4] {
-        let lattice = (light.position - self.origin) / self.levels[0].cell_size;
-        lattice.extend(luminance(light.intensity)).to_array()
-    }
-
-    /// Sums of luminance · (1, x, y, z, xy, yz, zx, xyz) over some lights.
-    pub(super) fn monomials(points: &[[f32; 4]]) -> [f64; 8] {
-        let mut sums = [0.0; 8];
-        for point in points {
-            let [x, y, z, mass] = point.map(f64::from);
-            let terms = [1.0, x, y, z, x * y, y * z, z * x, x * y * z];
-            (0..8).for_each(|i| sums[i] += mass * terms[i]);
-        }
-        sums
-    }
-
-    /// Draws a virtual light of level `level` (1…) light `light` for `u` in 0…1.
+    /// Draws a virtual light of light `light` in level `level` (1…) for `u` in 0…1.
     ///
-    /// Returns its position in `self.lights`; p = luminance · trilinear weight / light.luminance.
-    /// Cost: O(log n)
-    pub fn draw(&self, level: usize, light: &GridLight, u: f32) -> usize {
-        // The cell, by its known mass.
-        let total: f32 = light.octants.iter().sum();
-        let mut left = u * total;
-        let mut octant = 0;
-        for (i, &mass) in light.octants.iter().enumerate().filter(|(_, m)| **m > 0.0) {
-            octant = i;
-            if left < mass {
+    /// Returns its position in `self.lights`; p = luminance · trilinear weight / luminance of the
+    /// grid light.
+    /// Cost: up to eight cells a level below, until few lights are left to scan
+    pub fn draw(&self, level: usize, light: usize, u: f32) -> usize {
+        // The cell around the vertex, by its known mass.
+        let octants = &self.levels[level - 1].octants[light];
+        let total: f32 = octants.luminance.iter().sum();
+        let (octant, mut left) = choose(0, octants.luminance.into_iter().enumerate(), u * total);
+        let mut cell = octants.cells[octant] as usize;
+
+        // From cell to cell while there are many lights. The vertex is the corner on the other side
+        // of the first.
+        let corner = 7 - octant;
+        let mut weight = Weight::of_corner(corner);
+        let mut range = self.levels[level - 1].lights_of(cell);
+        let scale = 1.0 / (1u32 << (level - 1)) as f32;
+        for level in (1..level).rev() {
+            if range.len() <= BLOCK {
                 break;
             }
-            left -= mass;
+            let inner = self.levels[level].inner_of(cell);
+            let first = inner.start;
+            let cells = &self.levels[level - 1].cells[inner.clone()];
+            let corners = weight.corners();
+            let masses = inner.zip(cells.iter().map(|c| mass(&corners, &c.share)));
+            (cell, left) = choose(first, masses, left);
+            weight = weight.inside(cells[cell - first].octant);
+            range = self.levels[level - 1].lights_of(cell);
         }
-        let left = f64::from((left / light.octants[octant]).clamp(0.0, 1.0));
-
-        // Its range in the Morton order.
-        let shift = level as u32 - 1;
-        let above = |axis: usize| octant >> axis & 1;
-        let cell: [u32; 3] =
-            std::array::from_fn(|a| u32::from(light.vertex[a]) + above(a) as u32 - 1);
-        let key = sort_key(u32::from(light.lobe), cell, shift);
-        let cells = &self.levels[level - 1].cells;
-        let at = cells.partition_point(|c| c.0 < key);
-        debug_assert!(cells[at].0 == key, "a share lies in an occupied cell");
-        let (start, end) = (cells[at].1 as usize, cells[at + 1].1 as usize);
-
-        // The light inside it, by exact weights.
-        let sign = Vec3::from_array(std::array::from_fn(|a| 1.0 - 2.0 * above(a) as f32));
-        let vertex = Vec3::from_array(light.vertex.map(f32::from));
-        let weight = VertexWeight { scale: 1.0 / (1u32 << shift) as f32, vertex, sign };
-        self.draw_in(start..end, &weight, left)
+        // Any light inside tells where that first cell is.
+        let inside = &self.points[range.start];
+        let upper = |axis: usize| (corner >> axis & 1) as f32;
+        let vertex = std::array::from_fn(|a| (inside[a] * scale).floor() + upper(a));
+        self.draw_in(range, &Hat { scale, vertex }, &weight, left)
     }
 
-    fn draw_in(&self, range: Range<usize>, weight: &VertexWeight, u: f64) -> usize {
-        let (first, last) = (range.start.div_ceil(BLOCK), range.end / BLOCK);
+    /// Draws a light of a cell: the one where the running mass passes `left`.
+    ///
+    /// A cell with more lights than a scan takes is one of level 1.
+    fn draw_in(&self, range: Range<usize>, hat: &Hat, weight: &Weight, left: f32) -> usize {
         if range.len() <= MOST_SCANNED {
-            return self.scan(range, weight, |mass| u as f32 * mass);
+            return self.scan(range, hat, left);
         }
         // Whole blocks by prefix sums, the lights before and after them one by one.
-        let coefficients = weight.coefficients();
-        let before = |block: usize| -> f64 {
+        let (first, last) = (range.start.div_ceil(BLOCK), range.end / BLOCK);
+        let corners = weight.corners().map(f64::from);
+        let before = |block: usize| -> f32 {
             let (sum, base) = (&self.blocks[block], &self.blocks[first]);
-            (0..8).map(|i| coefficients[i] * (sum[i] - base[i])).sum()
+            (0..8).map(|c| corners[c] * (sum[c] - base[c])).sum::<f64>() as f32
         };
-        let (head, tail) = (range.start..first * BLOCK, last * BLOCK..range.end);
-        let mass = |r: &Range<usize>| -> f64 {
-            self.points[r.clone()].iter().map(|&p| f64::from(weight.share(p))).sum()
+        let parts =
+            [range.start..first * BLOCK, first * BLOCK..last * BLOCK, last * BLOCK..range.end];
+        let part_mass = |(i, part): (usize, &Range<usize>)| match i {
+            1 => (i, before(last)),
+            _ => (i, self.points[part.clone()].iter().map(|p| hat.share(p)).sum()),
         };
-        let (head_mass, blocks_mass, tail_mass) = (mass(&head), before(last), mass(&tail));
-        let target = u * (head_mass + blocks_mass + tail_mass);
-        if target < head_mass {
-            return self.scan(head, weight, |_| target as f32);
+        let (part, left) = choose(0, parts.iter().enumerate().map(part_mass), left);
+        if part != 1 {
+            return self.scan(parts[part].clone(), hat, left);
         }
-        let target = target - head_mass;
-        if target >= blocks_mass && tail_mass > 0.0 {
-            return self.scan(tail, weight, |_| (target - blocks_mass) as f32);
-        }
-        // Last block that begins at or below the target.
+        // Last block that begins at or below the rest.
         let (mut low, mut high) = (first, last);
         while high - low > 1 {
             let middle = usize::midpoint(low, high);
-            if before(middle) <= target { low = middle } else { high = middle }
+            if before(middle) <= left { low = middle } else { high = middle }
         }
-        let rest = (target - before(low)) as f32;
-        self.scan(low * BLOCK..(low + 1) * BLOCK, weight, |_| rest)
+        self.scan(low * BLOCK..(low + 1) * BLOCK, hat, left - before(low))
     }
 
-    /// The light of a short range where the running mass passes a target, which may depend on
-    /// the range's mass.
-    fn scan(
-        &self,
-        range: Range<usize>,
-        weight: &VertexWeight,
-        target: impl Fn(f32) -> f32,
-    ) -> usize {
-        let mut shares = [0.0f32; MOST_SCANNED];
-        let points = &self.points[range.clone()];
-        let mut total = 0.0;
-        for (share, &point) in shares.iter_mut().zip(points) {
-            *share = weight.share(point);
-            total += *share;
-        }
-        let mut left = target(total);
-        // Rounding may leave a rest behind the last light: it goes to the last one with a share.
-        let mut found = range.start.min(self.lights.len() - 1);
-        for (i, &share) in shares[..points.len()].iter().enumerate() {
-            if share > 0.0 {
-                found = range.start + i;
-                if left < share {
-                    break;
-                }
-                left -= share;
-            }
-        }
-        found
+    /// The light of a short range where the running mass passes `left`.
+    fn scan(&self, range: Range<usize>, hat: &Hat, left: f32) -> usize {
+        let points = self.points[range.clone()].iter();
+        let shares = points.map(|p| hat.share(p));
+        choose(range.start, range.zip(shares), left).0
     }
+}
+
+/// The first of some things with masses at which their running sum passes `left`, and what is left
+/// of it there.
+///
+/// Rounding may leave a rest behind the last: it goes to the last one with a mass, or to `first`
+/// where there is none.
+#[inline(always)]
+fn choose(first: usize, masses: impl Iterator<Item = (usize, f32)>, mut left: f32) -> (usize, f32) {
+    let mut chosen = (first, 0.0);
+    for (i, mass) in masses.filter(|m| m.1 > 0.0) {
+        chosen = (i, left.min(mass));
+        if left < mass {
+            break;
+        }
+        left -= mass;
+    }
+    chosen
 }

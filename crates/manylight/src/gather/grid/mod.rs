@@ -7,11 +7,14 @@
 //! Limits: at most 14 levels.
 
 mod build;
+mod cells;
 mod contribution;
 mod draw;
 mod reach;
 mod record;
 mod sample;
+mod sort;
+mod sweep;
 mod tiles;
 
 pub use reach::choose_alpha;

@@ -1,5 +1,6 @@
 //! Records of the hierarchy.
 
+use super::cells::Cell;
 use crate::vlight::Vpl;
 use glam::Vec3;
 
@@ -20,9 +21,17 @@ pub struct GridLight {
     pub vertex: [u16; 3],
     /// Dominant axis of the normals, 0…5 for +x −x +y −y +z −z; always 0 with one lobe.
     pub lobe: u8,
-    /// Luminance of the share that lies in each of the eight cells around the vertex; bit a of the
-    /// index is set where the cell lies above the vertex along axis a.
-    pub octants: [f32; 8],
+}
+
+/// Where the share of a grid light lies: in the eight cells around its vertex; bit a of the index
+/// is set where the cell lies above the vertex along axis a.
+#[derive(Clone, Copy, Debug, Default)]
+#[repr(align(64))]
+pub(super) struct Octants {
+    /// Luminance of the share in each cell.
+    pub luminance: [f32; 8],
+    /// Positions of the cells among those of the level; anything where the luminance is zero.
+    pub cells: [u32; 8],
 }
 
 /// One level: the lights of all occupied vertices, sorted by (z, y, x, lobe).
@@ -32,9 +41,10 @@ pub struct Level {
     pub cell_size: f32,
     /// Occupied vertices, one or more lights each.
     pub lights: Vec<GridLight>,
-    /// Occupied cells in key order, each with the index of its first virtual light; ends with a
-    /// sentinel.
-    pub(super) cells: Vec<(u64, u32)>,
+    /// Where the share of each light lies, for drawing.
+    pub(super) octants: Vec<Octants>,
+    /// Occupied cells by lobe and Morton code; ends with a sentinel.
+    pub(super) cells: Vec<Cell>,
     /// Occupied rows (z, y) in order, each with the index of its first light; ends with a sentinel.
     pub(super) rows: Vec<([u16; 2], u32)>,
 }
@@ -50,11 +60,12 @@ pub struct LightingGrid {
     pub(super) level0: Level,
     /// Position in `lights` of each light of `level0`.
     pub(super) level0_lights: Vec<u32>,
-    /// The virtual lights, sorted by (lobe, Morton code of the level-1 cell).
+    /// The virtual lights, sorted by (lobe, Morton code of the finest possible cell).
     pub lights: Vec<Vpl>,
     /// Position in level-1 cells and luminance of each light, for drawing.
     pub(super) points: Vec<[f32; 4]>,
-    /// Sums of luminance · (1, x, y, z, xy, yz, zx, xyz) over all lights before each block.
+    /// Luminance shared to the corners of the level-1 cells by all lights before each block, each
+    /// light to those of its own cell.
     pub(super) blocks: Vec<[f64; 8]>,
 }
 

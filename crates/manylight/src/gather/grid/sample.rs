@@ -238,10 +238,7 @@ impl Job<'_> {
         let light = draw.light;
         let drawn = match light.level {
             0 => self.grid.level0_lights[light.index as usize] as usize,
-            level => {
-                let record = &level_of(self.grid, level).lights[light.index as usize];
-                self.grid.draw(level as usize, record, u)
-            }
+            level => self.grid.draw(level as usize, light.index as usize, u),
         };
         let vpl = &self.grid.lights[drawn];
         let d_min_sq = self.d_min * self.d_min;

@@ -65,9 +65,11 @@ fn moments_of_every_level_are_those_of_the_lights() {
 #[test]
 fn octants_add_up_to_the_light() {
     let grid = grid_of(8000, 6);
-    for light in grid.levels.iter().flat_map(|l| &l.lights) {
-        let sum: f32 = light.octants.iter().sum();
-        assert!((sum / light.luminance - 1.0).abs() < 1e-4);
+    for level in &grid.levels {
+        for (light, octants) in level.lights.iter().zip(&level.octants) {
+            let sum: f32 = octants.luminance.iter().sum();
+            assert!((sum / light.luminance - 1.0).abs() < 1e-4);
+        }
     }
 }
 
@@ -84,39 +86,72 @@ fn share(grid: &LightingGrid, level: usize, light: &GridLight, vpl: &Vpl) -> f64
     f64::from(luminance(vpl.intensity) * hat.element_product())
 }
 
+/// Holds the draws of a grid light against the shares of all virtual lights.
+fn check_draws(grid: &LightingGrid, level: usize, index: usize) {
+    const DRAWS: u32 = 40_000;
+    let light = &grid.levels[level - 1].lights[index];
+    let shares: Vec<f64> = grid.lights.iter().map(|v| share(grid, level, light, v)).collect();
+    let total: f64 = shares.iter().sum();
+    assert!((total / f64::from(light.luminance) - 1.0).abs() < 1e-3, "level {level}");
+    let mut counts = vec![0u32; shares.len()];
+    for i in 0..DRAWS {
+        // Stratified: every light's count is within a few of its expectation.
+        counts[grid.draw(level, index, (i as f32 + 0.5) / DRAWS as f32)] += 1;
+    }
+    let (mut chi_sq, mut bins) = (0.0, 0);
+    for (count, share) in counts.iter().zip(&shares) {
+        let expected = share / total * f64::from(DRAWS);
+        assert!((f64::from(*count) - expected).abs() < 12.0, "{count} for {expected}");
+        if expected >= 5.0 {
+            chi_sq += (f64::from(*count) - expected).powi(2) / expected;
+            bins += 1;
+        }
+    }
+    assert!(bins > 3 && chi_sq < f64::from(bins), "level {level}: χ² {chi_sq} of {bins}");
+}
+
 #[test]
 fn draws_follow_the_shares_exactly() {
-    const DRAWS: u32 = 40_000;
     let grid = grid_of(6000, 6);
     for level in [1, 3, grid.levels.len()] {
-        let brightest = grid.levels[level - 1]
-            .lights
-            .iter()
-            .max_by(|a, b| a.luminance.total_cmp(&b.luminance))
-            .expect("lights");
-        let shares: Vec<f64> =
-            grid.lights.iter().map(|v| share(&grid, level, brightest, v)).collect();
-        let total: f64 = shares.iter().sum();
-        assert!((total / f64::from(brightest.luminance) - 1.0).abs() < 1e-3, "level {level}");
-        let mut counts = vec![0u32; shares.len()];
-        for i in 0..DRAWS {
-            // Stratified: every light's count is within a few of its expectation.
-            counts[grid.draw(level, brightest, (i as f32 + 0.5) / DRAWS as f32)] += 1;
-        }
-        for (count, share) in counts.iter().zip(&shares) {
-            let expected = share / total * f64::from(DRAWS);
-            assert!((f64::from(*count) - expected).abs() < 12.0, "{count} for {expected}");
-        }
-        let (mut chi_sq, mut bins) = (0.0, 0);
-        for (count, share) in counts.iter().zip(&shares) {
-            let expected = share / total * f64::from(DRAWS);
-            if expected >= 5.0 {
-                chi_sq += (f64::from(*count) - expected).powi(2) / expected;
-                bins += 1;
+        let lights = grid.levels[level - 1].lights.iter().enumerate();
+        let brightest = lights.max_by(|a, b| a.1.luminance.total_cmp(&b.1.luminance));
+        check_draws(&grid, level, brightest.expect("lights").0);
+    }
+}
+
+/// A crowd of faint lights in one of the finest cells, far from the corner of the cube and behind
+/// many bright ones: no sum over all lights has digits left for it.
+#[test]
+fn draws_hold_in_the_finest_cells() {
+    const CROWD: u32 = 400;
+    let light = |i: u32| {
+        let mut s = Sequence::new(5, i);
+        let [x, y] = s.next_2d();
+        let p = Vec3::new(x, y, s.next_1d());
+        let (position, intensity) = match i {
+            0 => (Vec3::ZERO, 1.0),
+            1..=CROWD => (Vec3::splat(8190.9) + 0.8 * p, 1e-5 * (0.1 + s.next_1d())),
+            _ => (Vec3::splat(7000.0) + 1000.0 * p, 1.0),
+        };
+        Vpl { position, normal: Vec3::Y, intensity: Vec3::splat(intensity) }
+    };
+    // The finest cells are 1.0001 m wide.
+    let far = Vpl { position: Vec3::X * 8192.0, ..light(0) };
+    let lights: Vec<Vpl> = (0..20_000).map(light).chain([far]).collect();
+    let settings = GridSettings { levels: Some(14), ..Default::default() };
+    let grid = LightingGrid::build(&lights, &settings, 0.1);
+    let mut crowded = 0;
+    for (level, at) in grid.levels.iter().enumerate().take(4) {
+        for (index, light) in at.lights.iter().enumerate() {
+            let only_crowd = light.luminance > 1e-5 && light.luminance < 0.1;
+            if only_crowd && light.position.min_element() > 8189.0 {
+                check_draws(&grid, level + 1, index);
+                crowded += 1;
             }
         }
-        assert!(bins > 3 && chi_sq < f64::from(bins), "level {level}: χ² {chi_sq} of {bins}");
     }
+    assert!(crowded >= 8, "{crowded} vertices of the crowd");
 }
 
 #[test]
