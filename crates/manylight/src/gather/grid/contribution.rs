@@ -56,39 +56,62 @@ pub(super) fn reach_below(variance: Vec3) -> f32 {
 
 /// Mean of cosθ_x · cosθ_l / d² over the lights of a grid light, m⁻², before blending.
 ///
+/// `FUSED` rounds products and sums once, for processors that do so in one step.
 /// `offset` is the light's mean position − receiver, `n` the receiver's unit normal.
 #[inline(always)]
-pub(super) fn geometry(light: &TileLight, offset: [f32; 3], n: [f32; 3], d_min_sq: f32) -> f32 {
+pub(super) fn geometry<const FUSED: bool>(
+    light: &TileLight,
+    offset: [f32; 3],
+    n: [f32; 3],
+    d_min_sq: f32,
+) -> f32 {
     let [x, y, z] = offset;
-    let [mx, my, mz] = light.normal;
-    let [vx, vy, vz] = light.variance;
-    let dist_sq = x * x + y * y + z * z;
+    let m = light.normal;
+    let v4 = light.variance_4;
+    let dist_sq = dot::<FUSED>(offset, offset);
     let dist_sq = if dist_sq > light.nearest_sq { dist_sq } else { light.nearest_sq };
     let dist_sq = if dist_sq < FARTHEST_SQ { dist_sq } else { FARTHEST_SQ };
 
     // r = d²/(d² + 4v) per axis, with one division.
-    let [ax, ay, az] = [dist_sq + 4.0 * vx, dist_sq + 4.0 * vy, dist_sq + 4.0 * vz];
-    let scale = dist_sq / (ax * ay * az);
-    let [rx, ry, rz] = [ay * az * scale, az * ax * scale, ax * ay * scale];
+    let [ax, ay, az] = [dist_sq + v4[0], dist_sq + v4[1], dist_sq + v4[2]];
+    let a_yz = ay * az;
+    let scale = dist_sq / (ax * a_yz);
+    let x_scale = ax * scale;
+    let r = [a_yz * scale, az * x_scale, ay * x_scale];
     // About 1/d²: with it the squares of lengths below stay small numbers without a unit.
     let unit = dist_sq * scale;
 
-    let [px, py, pz] = [x * rx, y * ry, z * rz];
-    let [sx, sy, sz] = [vx * rx, vy * ry, vz * rz];
-    let spread_x = n[0] * n[0] * sx + n[1] * n[1] * sy + n[2] * n[2] * sz;
-    let spread_l = mx * mx * sx + my * my * sy + mz * mz * sz + light.normal_spread * dist_sq;
-    let joint = n[0] * mx * sx + n[1] * my * sy + n[2] * mz * sz;
-    let cos_x = SoftClamp::new(n[0] * px + n[1] * py + n[2] * pz, spread_x);
-    let cos_l = SoftClamp::new(-(mx * px + my * py + mz * pz), spread_l);
-    let cosines = cos_x.above * cos_l.above - joint * cos_x.open * cos_l.open;
+    let p = [x * r[0], y * r[1], z * r[2]];
+    let s4 = [v4[0] * r[0], v4[1] * r[1], v4[2] * r[2]];
+    let ns4 = [n[0] * s4[0], n[1] * s4[1], n[2] * s4[2]];
+    let ms4 = [m[0] * s4[0], m[1] * s4[1], m[2] * s4[2]];
+    let spread_x = 0.75 * dot::<FUSED>(n, ns4);
+    let spread_l = mul_add::<FUSED>(light.normal_spread_3, dist_sq, 0.75 * dot::<FUSED>(m, ms4));
+    let cos_x = SoftClamp::new::<FUSED>(dot::<FUSED>(n, p), spread_x);
+    let cos_l = SoftClamp::new::<FUSED>(-dot::<FUSED>(m, p), spread_l);
+    let joint = 0.25 * dot::<FUSED>(n, ms4);
+    let cosines = mul_add::<FUSED>(cos_x.above, cos_l.above, -joint * (cos_x.open * cos_l.open));
     let cosines = if cosines > 0.0 { cosines } else { 0.0 };
 
     let far = (dist_sq + light.far) * unit;
-    let along = 12.0 * (vx * x * x + vy * y * y + vz * z * z) * unit * unit;
+    let far_sq = far * far;
+    let along = 3.0 * dot::<FUSED>([v4[0] * x, v4[1] * y, v4[2] * z], offset);
+    let mean = mul_add::<FUSED>(along * unit, unit, far_sq);
     let clamp = d_min_sq * unit;
     let clamped = if far > clamp { far } else { clamp };
-    let below = cos_x.below * cos_l.below * (far * far) * (far * clamped);
-    (cosines * unit) * (far * far + along) * unit / below
+    let below = cos_x.below * cos_l.below * far_sq * (far * clamped);
+    (cosines * unit) * (mean * unit) / below
+}
+
+/// a·b + c, rounded once where `FUSED`.
+#[inline(always)]
+pub(super) fn mul_add<const FUSED: bool>(a: f32, b: f32, c: f32) -> f32 {
+    if FUSED { a.mul_add(b, c) } else { a * b + c }
+}
+
+#[inline(always)]
+pub(super) fn dot<const FUSED: bool>(a: [f32; 3], b: [f32; 3]) -> f32 {
+    mul_add::<FUSED>(a[0], b[0], mul_add::<FUSED>(a[1], b[1], a[2] * b[2]))
 }
 
 /// Mean of max(0, a + t) for t uniform with a variance, as a fraction.
@@ -100,17 +123,19 @@ struct SoftClamp {
 }
 
 impl SoftClamp {
+    /// `variance_3` is three times the variance: the square of half the width.
     #[inline(always)]
-    fn new(a: f32, variance: f32) -> Self {
-        let half_width = (3.0 * variance).sqrt();
-        let below = 4.0 * half_width;
+    fn new<const FUSED: bool>(a: f32, variance_3: f32) -> Self {
+        let half_width = variance_3.sqrt();
+        let width = half_width + half_width;
+        let below = width + width;
         let below = if below > NO_SPREAD { below } else { NO_SPREAD };
         let t = a + half_width;
         let t = if t > 0.0 { t } else { 0.0 };
-        let t = if t < 2.0 * half_width { t } else { 2.0 * half_width };
+        let t = if t < width { t } else { width };
         let rest = a - half_width;
         let rest = if rest > 0.0 { rest } else { 0.0 };
-        Self { above: t * t + below * rest, below, open: 2.0 * t }
+        Self { above: mul_add::<FUSED>(t, t, below * rest), below, open: t + t }
     }
 }
 
@@ -120,7 +145,7 @@ mod tests {
     use crate::math::{Sequence, uniform_sphere};
 
     fn soft_clamp(a: f32, variance: f32) -> f32 {
-        let SoftClamp { above, below, .. } = SoftClamp::new(a, variance);
+        let SoftClamp { above, below, .. } = SoftClamp::new::<false>(a, 3.0 * variance);
         above / below
     }
 
@@ -144,10 +169,10 @@ mod tests {
             let variance = Vec3::new(s.next_1d(), s.next_1d(), s.next_1d()).powf(4.0) * 0.1;
             let light = TileLight {
                 normal: normal.to_array(),
-                variance: variance.to_array(),
+                variance_4: (4.0 * variance).to_array(),
                 nearest_sq: nearest_sq(variance.element_sum()),
                 far: far(variance.element_sum()),
-                normal_spread: normal_spread(normal),
+                normal_spread_3: 3.0 * normal_spread(normal),
                 ..TileLight::default()
             };
             let offset = uniform_sphere(s.next_2d()) * (0.01 + s.next_1d());
@@ -158,7 +183,7 @@ mod tests {
             let is_below = below * below >= reach_below(variance);
             if (behind > 0.0 && is_behind) || (below > 0.0 && is_below) {
                 beyond += 1;
-                assert!(geometry(&light, offset.to_array(), n.to_array(), 0.01) == 0.0);
+                assert!(geometry::<false>(&light, offset.to_array(), n.to_array(), 0.01) == 0.0);
             }
         }
         assert!(beyond > 1000);
@@ -172,7 +197,7 @@ mod tests {
             let offset = uniform_sphere(s.next_2d()) * (0.01 + 5.0 * s.next_1d());
             let n = uniform_sphere(s.next_2d());
             let expected = crate::vlight::vpl::geometry(offset, Vec3::Y, Vec3::ZERO, n, 0.01);
-            let got = geometry(&light, offset.to_array(), n.to_array(), 0.01);
+            let got = geometry::<false>(&light, offset.to_array(), n.to_array(), 0.01);
             assert!((got - expected).abs() <= 1e-4 * expected + 1e-5, "{got} for {expected}");
         }
     }
@@ -185,8 +210,11 @@ mod tests {
         let patch = |i: usize| Vec3::new(at(i % SIDE), 0.0, at(i / SIDE));
         let variance = (0..SIDE).map(|i| at(i) * at(i)).sum::<f32>() / SIDE as f32;
         let point = TileLight { normal: [0.0, 1.0, 0.0], ..TileLight::default() };
-        let spread =
-            TileLight { variance: [variance, 0.0, variance], far: far(2.0 * variance), ..point };
+        let spread = TileLight {
+            variance_4: [4.0 * variance, 0.0, 4.0 * variance],
+            far: far(2.0 * variance),
+            ..point
+        };
         let (mut error, mut point_error, mut sum) = (0.0, 0.0, 0.0);
         for i in 0..400 {
             let mut s = Sequence::new(5, i);
@@ -195,7 +223,7 @@ mod tests {
             let n = uniform_sphere(s.next_2d());
             let term = |k| crate::vlight::vpl::geometry(patch(k), Vec3::Y, receiver, n, 1e-6);
             let truth = (0..SIDE * SIDE).map(term).sum::<f32>() / (SIDE * SIDE) as f32;
-            let of = |l| geometry(l, (-receiver).to_array(), n.to_array(), 1e-6);
+            let of = |l| geometry::<false>(l, (-receiver).to_array(), n.to_array(), 1e-6);
             error += (of(&spread) - truth).powi(2);
             point_error += (of(&point) - truth).powi(2);
             sum += truth;

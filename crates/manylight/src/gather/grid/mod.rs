@@ -16,6 +16,7 @@ mod sample;
 mod sort;
 mod sweep;
 mod tiles;
+mod walk;
 
 pub use reach::choose_alpha;
 pub use record::{GridLight, Level, LightingGrid};

@@ -3,12 +3,11 @@
 //! The same alpha costs twice as many lights in a cluttered hall as in an empty box. Given the
 //! cost, each scene gets the least error it can have for it.
 
-use super::contribution;
 use super::record::LightingGrid;
 use super::tiles::{Bounds, collect, shells};
+use super::walk::{Row, TileList};
 use crate::settings::{MAX_AUTO_ALPHA, MIN_AUTO_ALPHA, Settings};
 use crate::surface::{Receivers, SurfacePoint};
-use glam::Vec3;
 use rayon::prelude::*;
 
 /// Receivers asked for their number of lights.
@@ -45,12 +44,15 @@ pub fn choose_alpha(grid: &LightingGrid, receivers: &Receivers, settings: &Setti
 /// Lights that give one receiver something.
 fn count(grid: &LightingGrid, surface: &SurfacePoint, alpha: f32, settings: &Settings) -> usize {
     let Some(bounds) = Bounds::of(std::iter::once(surface)) else { return 0 };
-    let mut list = Vec::new();
-    collect(grid, &shells(grid, alpha), settings, &bounds, &mut list);
-    let gives = |light: &&super::tiles::TileLight| {
-        let offset = (Vec3::from(light.position) - surface.position).to_array();
-        light.blend(offset) * contribution::geometry(light, offset, surface.ns.to_array(), 0.0)
-            > 0.0
-    };
-    list.iter().filter(gives).count()
+    let mut near = Vec::new();
+    collect(grid, &shells(grid, alpha), settings, &bounds, &mut near);
+    let mut list = TileList::default();
+    near.iter().for_each(|light| list.push(light));
+    let mut row = Row::default();
+    for axis in 0..3 {
+        row.position[axis][0] = surface.position[axis];
+        row.normal[axis][0] = surface.ns[axis];
+    }
+    list.walk(&mut row, 0.0);
+    row.evals[0] as usize
 }

@@ -1,15 +1,15 @@
 //! Gathering: each tile walks its light list once, keeping the sums in registers and the running
-//! shadow weight at every [`RUN`]-th light.
+//! shadow weight after every run of lights.
 //!
 //! A shadow ray draws a light with probability proportional to its contribution: a point of the
-//! total weight, the run it falls into by binary search, the light in it by walking the run again.
+//! total weight, the run it falls into by binary search, the light in it by its share.
 //! That is the law of the weighted reservoirs of [LinYuksel19, App. A] (`[Chao82]`) by inversion,
 //! so that the draws of a pixel and of its neighbors can be stratified.
 
-use super::contribution;
 use super::reach::choose_alpha;
 use super::record::LightingGrid;
 use super::tiles::{Bounds, Shell, TileLight, collect, level_of, narrow, shells};
+use super::walk::{Draw, Row, TileList};
 use crate::gather::Gathered;
 use crate::math::{Sequence, hash_u32, morton_2d, unit_f32};
 use crate::settings::{Settings, ShadowEstimate, ShadowTarget};
@@ -27,13 +27,6 @@ const TILE_BLOCK: usize = 4 * TILE;
 /// Largest weight of a shadow ray: bounds what one virtual light says about a pixel where it gives
 /// more than its grid light on average, as beside the horizon.
 const MOST_WEIGHT: f32 = 2.0;
-/// Lights between two stored running weights.
-const RUN: usize = 4;
-/// Receivers that the inner loop works on at once: one row of a tile.
-const LANES: usize = TILE;
-
-type Lanes = [f32; LANES];
-
 /// Irradiance of all receivers from the lights of a grid.
 ///
 /// Shapes: receivers `[h·w]`; out `[h·w]`
@@ -90,30 +83,13 @@ struct PixelResult {
     evals: u32,
 }
 
-/// One row of receivers with its running sums.
-struct Row {
-    position: [Lanes; 3],
-    normal: [Lanes; 3],
-    sum: [Lanes; 3],
-    evals: Lanes,
-}
-
 /// Memory that a thread keeps from tile to tile.
 #[derive(Default)]
 struct Scratch {
     /// Lights of a block.
     wider: Vec<TileLight>,
     /// Lights of a tile of it.
-    list: Vec<TileLight>,
-    /// Running shadow weight after every run of the list.
-    weights: Vec<Lanes>,
-}
-
-/// A light drawn for a shadow ray.
-struct Draw<'a> {
-    light: &'a TileLight,
-    /// Its geometry term, before blending.
-    geometry: f32,
+    list: TileList,
 }
 
 impl Job<'_> {
@@ -125,12 +101,7 @@ impl Job<'_> {
             for tile_x in (x..(x + TILE_BLOCK).min(self.receivers.width)).step_by(TILE) {
                 let Some(bounds) = self.bounds(tile_x, tile_y, TILE) else { continue };
                 narrow(&scratch.wider, self.shells, &bounds, &mut scratch.list);
-                self.gather_tile(
-                    [tile_x, tile_y],
-                    &scratch.list,
-                    &mut scratch.weights,
-                    &mut results,
-                );
+                self.gather_tile([tile_x, tile_y], &mut scratch.list, &mut results);
             }
         }
         results
@@ -147,21 +118,19 @@ impl Job<'_> {
     fn gather_tile(
         &self,
         [x, y]: [usize; 2],
-        list: &[TileLight],
-        weights: &mut Vec<Lanes>,
+        list: &mut TileList,
         results: &mut Vec<(usize, PixelResult)>,
     ) {
         let width = self.receivers.width;
         let columns = x..(x + TILE).min(width);
         for y in y..(y + TILE).min(self.receivers.height) {
             let mut row = self.start_row(y * width + columns.start, columns.len());
-            weights.clear();
-            walk(&mut row, list, self.d_min * self.d_min, weights);
+            list.walk(&mut row, self.d_min * self.d_min);
             for lane in 0..columns.len() {
                 let index = y * width + columns.start + lane;
                 let Some(surface) = &self.receivers.samples[index].surface else { continue };
                 let pixel = [columns.start + lane, y];
-                let shadow_ratio = self.shadow_ratio(pixel, surface, list, weights);
+                let shadow_ratio = self.shadow_ratio(pixel, surface, list);
                 let unshadowed = Vec3::new(row.sum[0][lane], row.sum[1][lane], row.sum[2][lane]);
                 let evals = row.evals[lane] as u32;
                 results.push((index, PixelResult { unshadowed, shadow_ratio, evals }));
@@ -170,12 +139,7 @@ impl Job<'_> {
     }
 
     fn start_row(&self, first: usize, count: usize) -> Row {
-        let mut row = Row {
-            position: [[0.0; LANES]; 3],
-            normal: [[0.0; LANES]; 3],
-            sum: [[0.0; LANES]; 3],
-            evals: [0.0; LANES],
-        };
+        let mut row = Row::default();
         for (lane, sample) in self.receivers.samples[first..first + count].iter().enumerate() {
             // The sums of lanes without surface are never read.
             let Some(surface) = &sample.surface else { continue };
@@ -188,16 +152,10 @@ impl Job<'_> {
     }
 
     /// Draws and traces the shadow rays of one receiver: their ratio, and what one of them weighs.
-    fn shadow_ratio(
-        &self,
-        pixel: [usize; 2],
-        surface: &SurfacePoint,
-        list: &[TileLight],
-        weights: &[Lanes],
-    ) -> [f32; 2] {
+    fn shadow_ratio(&self, pixel: [usize; 2], surface: &SurfacePoint, list: &TileList) -> [f32; 2] {
         let shadow = &self.settings.shadow;
         let (lane, d_min_sq) = (pixel[0] % TILE, self.d_min * self.d_min);
-        let total = weights.last().map_or(0.0, |w| w[lane]);
+        let total = list.total_weight(lane);
         if total <= 0.0 {
             return [1.0; 2];
         }
@@ -211,15 +169,14 @@ impl Job<'_> {
                 false => [0, 1]
                     .map(|i| unit_f32(hash_u32(self.seed ^ hash_u32(index.wrapping_mul(2) | i)))),
             };
-            let Some(draw) = draw_light(u * total, receiver, lane, list, weights, d_min_sq) else {
+            let Some(draw) = list.draw(u * total, receiver, lane, d_min_sq) else {
                 continue;
             };
             let (weight, open) = match shadow.target {
                 ShadowTarget::Vpl => self.ray_to_vpl(surface, &draw, v),
-                ShadowTarget::Variance => (
-                    1.0,
-                    self.ray_to_cloud(surface, draw.light, hash_u32(self.seed ^ hash_u32(index))),
-                ),
+                ShadowTarget::Variance => {
+                    (1.0, self.ray_to_cloud(surface, &draw, hash_u32(self.seed ^ hash_u32(index))))
+                }
             };
             let weight = if shadow.estimate == ShadowEstimate::Mean { 1.0 } else { weight };
             drawn += weight;
@@ -235,10 +192,9 @@ impl Job<'_> {
     /// Draws a real virtual light of a grid light; its contribution over its probability,
     /// relative to the running weight, and whether it is seen.
     fn ray_to_vpl(&self, surface: &SurfacePoint, draw: &Draw, u: f32) -> (f32, bool) {
-        let light = draw.light;
-        let drawn = match light.level {
-            0 => self.grid.level0_lights[light.index as usize] as usize,
-            level => self.grid.draw(level as usize, light.index as usize, u),
+        let drawn = match draw.level {
+            0 => self.grid.level0_lights[draw.index as usize] as usize,
+            level => self.grid.draw(level as usize, draw.index as usize, u),
         };
         let vpl = &self.grid.lights[drawn];
         let d_min_sq = self.d_min * self.d_min;
@@ -250,8 +206,8 @@ impl Job<'_> {
     }
 
     /// Draws a point from the variance of a grid light (the paper's form).
-    fn ray_to_cloud(&self, surface: &SurfacePoint, light: &TileLight, key: u32) -> bool {
-        let record = &level_of(self.grid, light.level).lights[light.index as usize];
+    fn ray_to_cloud(&self, surface: &SurfacePoint, draw: &Draw, key: u32) -> bool {
+        let record = &level_of(self.grid, draw.level).lights[draw.index as usize];
         // Sum of three uniforms: close to normal, bounded at three standard deviations.
         let mut state = key;
         let mut uniform = || {
@@ -262,157 +218,5 @@ impl Job<'_> {
         let cloud = Vec3::new(normal(), normal(), normal());
         let target = record.position + cloud * record.variance.powf(0.5);
         shadow::is_point_seen(self.world, surface, target)
-    }
-}
-
-/// The light of the list at which the running shadow weight of a lane, whose receiver has position
-/// `p` and normal `n`, passes `target`.
-///
-/// Cost: binary search over the runs, then one run
-fn draw_light<'l>(
-    target: f32,
-    [p, n]: [[f32; 3]; 2],
-    lane: usize,
-    list: &'l [TileLight],
-    weights: &[Lanes],
-    d_min_sq: f32,
-) -> Option<Draw<'l>> {
-    let run = weights.partition_point(|w| w[lane] <= target).min(weights.len() - 1);
-    let before = if run == 0 { 0.0 } else { weights[run - 1][lane] };
-    let mut left = target - before;
-    let mut drawn = None;
-    // Rounding may leave a rest behind the last light: it goes to the last one with a weight.
-    for light in &list[run * RUN..((run + 1) * RUN).min(list.len())] {
-        let offset = std::array::from_fn(|a| light.position[a] - p[a]);
-        let geometry = contribution::geometry(light, offset, n, d_min_sq);
-        // Rounded as in the walk.
-        let share = light.blend(offset) * geometry;
-        let weight = light.shadow_weight * share;
-        if weight > 0.0 {
-            drawn = Some(Draw { light, geometry });
-            if left < weight {
-                break;
-            }
-            left -= weight;
-        }
-    }
-    drawn
-}
-
-/// Walks a tile's list for one row of receivers.
-fn walk(row: &mut Row, list: &[TileLight], d_min_sq: f32, weights: &mut Vec<Lanes>) {
-    #[cfg(target_arch = "x86_64")]
-    if std::arch::is_x86_feature_detected!("avx2") {
-        // SAFETY: the processor has AVX2.
-        return unsafe { walk_avx2(row, list, d_min_sq, weights) };
-    }
-    walk_lanes(row, list, d_min_sq, weights);
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn walk_avx2(row: &mut Row, list: &[TileLight], d_min_sq: f32, weights: &mut Vec<Lanes>) {
-    walk_lanes(row, list, d_min_sq, weights);
-}
-
-#[inline(always)]
-fn walk_lanes(row: &mut Row, list: &[TileLight], d_min_sq: f32, weights: &mut Vec<Lanes>) {
-    let (position, normal) = (row.position, row.normal);
-    let (mut sum, mut evals, mut weight) = (row.sum, row.evals, [0.0; LANES]);
-    for run in list.chunks(RUN) {
-        for light in run {
-            for i in 0..LANES {
-                let offset = std::array::from_fn(|a| light.position[a] - position[a][i]);
-                let n = [normal[0][i], normal[1][i], normal[2][i]];
-                let share =
-                    light.blend(offset) * contribution::geometry(light, offset, n, d_min_sq);
-                sum[0][i] += light.intensity[0] * share;
-                sum[1][i] += light.intensity[1] * share;
-                sum[2][i] += light.intensity[2] * share;
-                evals[i] += if share > 0.0 { 1.0 } else { 0.0 };
-                weight[i] += light.shadow_weight * share;
-            }
-        }
-        weights.push(weight);
-    }
-    (row.sum, row.evals) = (sum, evals);
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::math::uniform_sphere;
-
-    /// Lights all around a receiver, many of them behind it or out of their shell.
-    fn list(count: u32) -> Vec<TileLight> {
-        (0..count)
-            .map(|i| {
-                let mut s = Sequence::new(21, i);
-                let position = uniform_sphere(s.next_2d()) * (0.2 + 4.0 * s.next_1d());
-                let normal = uniform_sphere(s.next_2d()) * s.next_1d();
-                let variance = Vec3::new(s.next_1d(), s.next_1d(), 0.0) * 0.05;
-                TileLight {
-                    position: position.to_array(),
-                    normal: normal.to_array(),
-                    variance: variance.to_array(),
-                    nearest_sq: contribution::nearest_sq(variance.element_sum()),
-                    far: contribution::far(variance.element_sum()),
-                    normal_spread: contribution::normal_spread(normal),
-                    intensity: [1.0; 3],
-                    shadow_weight: s.next_1d().powi(3),
-                    rise: [2.0, -1.0],
-                    fall: [-0.5, 2.0],
-                    index: i,
-                    ..TileLight::default()
-                }
-            })
-            .collect()
-    }
-
-    #[test]
-    fn picks_follow_the_weights() {
-        const PICKS: u32 = 100_000;
-        let list = list(137);
-        let (position, ns) = (Vec3::new(0.1, -0.2, 0.05), Vec3::new(0.6, 0.0, 0.8));
-        let receiver = [position.to_array(), ns.to_array()];
-        let (lane, mut weights) = (3, Vec::new());
-        let mut row = Row {
-            position: [[0.0; LANES]; 3],
-            normal: [[0.0; LANES]; 3],
-            sum: [[0.0; LANES]; 3],
-            evals: [0.0; LANES],
-        };
-        for axis in 0..3 {
-            row.position[axis][lane] = position[axis];
-            row.normal[axis][lane] = ns[axis];
-        }
-        walk(&mut row, &list, 0.01, &mut weights);
-        let expected = list.iter().map(|light| {
-            let offset = (Vec3::from(light.position) - position).to_array();
-            let geometry = contribution::geometry(light, offset, ns.to_array(), 0.01);
-            light.shadow_weight * light.blend(offset) * geometry
-        });
-        let expected: Vec<f32> = expected.collect();
-        let total: f32 = expected.iter().sum();
-        assert!((weights.last().expect("runs")[lane] / total - 1.0).abs() < 1e-5);
-        let mut counts = vec![0u32; list.len()];
-        for i in 0..PICKS {
-            // Independent picks: the χ² law holds.
-            let u = unit_f32(hash_u32(i));
-            let pick = draw_light(u * total, receiver, lane, &list, &weights, 0.01).expect("pick");
-            counts[pick.light.index as usize] += 1;
-        }
-        let (mut chi_sq, mut bins) = (0.0, 0);
-        for (count, weight) in counts.iter().zip(&expected) {
-            let expected = f64::from(weight / total) * f64::from(PICKS);
-            assert!(expected > 0.0 || *count == 0, "a light without weight was picked");
-            if expected >= 5.0 {
-                chi_sq += (f64::from(*count) - expected).powi(2) / expected;
-                bins += 1;
-            }
-        }
-        // χ² of n bins has mean n and deviation √(2n): five of those is beyond chance.
-        let n = f64::from(bins);
-        assert!(bins > 20 && chi_sq < n + 5.0 * (2.0 * n).sqrt(), "χ² {chi_sq} of {bins}");
     }
 }

@@ -215,14 +215,15 @@ fn culling_drops_no_light_that_gives_something() {
         unlit: false,
     };
     let bounds = |s: &[SurfacePoint]| tiles::Bounds::of(s.iter()).expect("receivers");
-    let (mut all, mut wider, mut list) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut all, mut wider, mut list) = (Vec::new(), Vec::new(), walk::TileList::default());
     let everywhere = [surface(Vec3::splat(-1e4), -Vec3::ONE), surface(Vec3::splat(1e4), Vec3::ONE)];
     tiles::collect(&grid, &shells, &settings, &bounds(&everywhere), &mut all);
     assert_eq!(all.len(), grid.light_count() + grid.lights.len());
     let sum = |list: &[tiles::TileLight], s: &SurfacePoint| -> (f64, usize) {
         let term = |light: &tiles::TileLight| {
             let offset = (Vec3::from(light.position) - s.position).to_array();
-            light.blend(offset) * contribution::geometry(light, offset, s.ns.to_array(), 0.01)
+            light.blend::<false>(offset)
+                * contribution::geometry::<false>(light, offset, s.ns.to_array(), 0.01)
         };
         let terms: Vec<f32> = list.iter().map(term).filter(|t| *t > 0.0).collect();
         (terms.iter().map(|&t| f64::from(t)).sum(), terms.len())
@@ -243,6 +244,7 @@ fn culling_drops_no_light_that_gives_something() {
         tiles::collect(&grid, &shells, &settings, &bounds(&receivers), &mut wider);
         for tile in receivers.chunks(4) {
             tiles::narrow(&wider, &shells, &bounds(tile), &mut list);
+            let list = list.lights();
             kept += list.len();
             tile.iter().for_each(|s| assert_eq!(sum(&list, s), sum(&all, s)));
         }

@@ -2,6 +2,7 @@
 
 use super::contribution;
 use super::record::{GridLight, Level, LightingGrid};
+use super::walk::TileList;
 use crate::settings::Settings;
 use crate::surface::SurfacePoint;
 use glam::Vec3;
@@ -12,18 +13,18 @@ pub(super) struct TileLight {
     pub position: [f32; 3],
     /// Mean of the unit normals, not unit itself.
     pub normal: [f32; 3],
-    /// Per-axis variance of the position, m².
-    pub variance: [f32; 3],
+    /// Four times the per-axis variance of the position, m².
+    pub variance_4: [f32; 3],
     /// Squared distance below which the light counts as this far, m².
     pub nearest_sq: f32,
     /// What the spread adds to the squared distance, m².
     pub far: f32,
     /// What the spread takes from the squared distance that blending sees, m².
     pub nearer: f32,
-    /// Variance of the normals across a direction.
-    pub normal_spread: f32,
+    /// Three times the variance of the normals across a direction.
+    pub normal_spread_3: f32,
     /// How far behind its mean plane the light may still shine, see
-    /// [`contribution::reach_behind`].
+    /// [`contribution::reach_behind`]; for culling alone, as the next.
     pub reach_behind: [f32; 2],
     /// How far below a receiver's horizon its mean may lie, squared, m².
     pub reach_below: f32,
@@ -101,12 +102,14 @@ pub(super) fn level_of(grid: &LightingGrid, level: u32) -> &Level {
 impl TileLight {
     /// Share of the light that this level gives at an offset from the receiver.
     #[inline(always)]
-    pub(super) fn blend(&self, [x, y, z]: [f32; 3]) -> f32 {
-        let dist_sq = x * x + y * y + z * z - self.nearer;
+    pub(super) fn blend<const FUSED: bool>(&self, offset: [f32; 3]) -> f32 {
+        let dist_sq = contribution::dot::<FUSED>(offset, offset) - self.nearer;
         let dist = (if dist_sq > 0.0 { dist_sq } else { 0.0 }).sqrt();
-        let rise = clamp01(dist * self.rise[0] + self.rise[1]);
-        let fall = clamp01(dist * self.fall[0] + self.fall[1]);
-        if rise < fall { rise } else { fall }
+        let rise = contribution::mul_add::<FUSED>(dist, self.rise[0], self.rise[1]);
+        let fall = contribution::mul_add::<FUSED>(dist, self.fall[0], self.fall[1]);
+        let least = if rise < fall { rise } else { fall };
+        let least = if least < 1.0 { least } else { 1.0 };
+        if least > 0.0 { least } else { 0.0 }
     }
 
     fn new(light: &GridLight, index: u32, shell: &Shell, settings: &Settings) -> Self {
@@ -119,11 +122,11 @@ impl TileLight {
         Self {
             position: light.position.to_array(),
             normal: normal.to_array(),
-            variance: variance.to_array(),
+            variance_4: (4.0 * variance).to_array(),
             nearest_sq: contribution::nearest_sq(total_variance),
             far: contribution::far(total_variance),
             nearer: NEARER * total_variance,
-            normal_spread: contribution::normal_spread(normal),
+            normal_spread_3: 3.0 * contribution::normal_spread(normal),
             reach_behind: contribution::reach_behind(normal, variance),
             reach_below: contribution::reach_below(variance),
             intensity: light.intensity.to_array(),
@@ -134,12 +137,6 @@ impl TileLight {
             index,
         }
     }
-}
-
-#[inline(always)]
-fn clamp01(x: f32) -> f32 {
-    let x = if x > 0.0 { x } else { 0.0 };
-    if x < 1.0 { x } else { 1.0 }
 }
 
 /// Bounds of some receivers.
@@ -193,16 +190,11 @@ pub(super) fn collect(
 }
 
 /// Replaces `list` by those of the lights in `wider` that can reach inside narrower bounds.
-pub(super) fn narrow(
-    wider: &[TileLight],
-    shells: &[Shell],
-    bounds: &Bounds,
-    list: &mut Vec<TileLight>,
-) {
+pub(super) fn narrow(wider: &[TileLight], shells: &[Shell], bounds: &Bounds, list: &mut TileList) {
     list.clear();
     let first = shells[0].level;
     let shell = |light: &TileLight| &shells[(light.level - first) as usize];
-    list.extend(wider.iter().filter(|light| is_in_reach(light, shell(light), bounds)));
+    wider.iter().filter(|l| is_in_reach(l, shell(l), bounds)).for_each(|l| list.push(l));
 }
 
 /// Whether the shell around a light meets the bounds, any of them lies on its lit side, and it on
