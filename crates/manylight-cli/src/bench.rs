@@ -74,10 +74,10 @@ fn quality(
     settings: &Settings,
     receivers: usize,
 ) -> Value {
-    let Quality { evals, unshadowed, shadowed, clamp_loss, grid_lights, levels, vpls } =
+    let Quality { evals, unshadowed, shadowed, clamp_loss, alpha, grid_lights, levels, vpls } =
         bench::quality(renderer, camera, size, settings, receivers);
     json!({
-        "vpls": vpls, "levels": levels, "grid_lights": grid_lights, "evals": evals,
+        "vpls": vpls, "alpha": alpha, "levels": levels, "grid_lights": grid_lights, "evals": evals,
         "unshadowed_rmse": unshadowed.relative_rmse, "unshadowed_bias": unshadowed.energy_bias,
         "shadowed_rmse": shadowed.relative_rmse, "shadowed_bias": shadowed.energy_bias,
         "clamp_loss": clamp_loss,

@@ -96,6 +96,9 @@ pub fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     }
     let mut metadata = metadata(&settings, &camera, args, render_ms);
     metadata.push(("manylight.sceneHash".to_owned(), format!("{scene_hash:016x}")));
+    if let Some(alpha) = frame.alpha {
+        metadata.push(("manylight.alpha".to_owned(), alpha.to_string()));
+    }
     let picture = output::picture(&frame, metadata);
     for path in &args.output {
         output::write(&picture, path, &settings)?;
@@ -112,7 +115,8 @@ pub fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
         let times: serde_json::Map<String, Value> =
             times.iter().map(|(n, t)| (format!("{}_ms", n.replace(' ', "_")), json!(t))).collect();
         let report = json!({
-            "scene": args.scene, "size": size, "d_min": frame.d_min, "times": times,
+            "scene": args.scene, "size": size, "d_min": frame.d_min, "alpha": frame.alpha,
+            "times": times,
             "stages": stages, "settings": settings.to_json(),
         });
         writeln!(std::io::stdout(), "{report}")?;

@@ -47,6 +47,8 @@ pub struct Quality {
     pub shadowed: GatherError,
     /// Share of the shadowed irradiance of all lights that the distance clamp removes.
     pub clamp_loss: f64,
+    /// Reach of the levels.
+    pub alpha: Option<f32>,
     /// Grid lights over all levels.
     pub grid_lights: usize,
     /// Levels.
@@ -137,6 +139,7 @@ pub fn quality(
         unshadowed: GatherError::new(&pairs(false)),
         shadowed: GatherError::new(&pairs(true)),
         clamp_loss: if unclamped > 0.0 { 1.0 - kept / unclamped } else { 0.0 },
+        alpha: gathered.alpha,
         grid_lights: lighting_grid.light_count(),
         levels: lighting_grid.levels.len(),
         vpls: lights.len(),

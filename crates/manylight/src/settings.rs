@@ -118,8 +118,9 @@ group! {
         /// r_l = alpha · h_l: how far a level reaches, 0.25 to 16; null: chosen from 0.5 to 4 for
         /// `evals`.
         alpha: Option<f32> = None,
-        /// Lights that a pixel evaluates on average, about, unless alpha is set; 16 to 65,536.
-        /// More: truer, and the time of the lighting in proportion.
+        /// Lights that a pixel evaluates on average, about, in each gather (bounced light; light
+        /// of emissive surfaces), unless alpha is set; 16 to 65,536. More: truer, and the time of
+        /// the lighting in proportion.
         evals: u32 = 480,
         /// Number of levels, 2 to 14; null: chosen from the number and the spread of the lights.
         levels: Option<u32> = None,

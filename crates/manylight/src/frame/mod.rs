@@ -47,6 +47,8 @@ pub struct Frame {
     pub stages: Vec<Stage>,
     /// The distance clamp that was used, metres.
     pub d_min: f32,
+    /// The alpha that gathered the bounced light, of the last sample; none without a grid.
+    pub alpha: Option<f32>,
 }
 
 impl Renderer {
@@ -92,12 +94,14 @@ impl Renderer {
         let mut clock = Clock::new(progress);
         let samples = if settings.method == Method::Path { 1 } else { settings.film.samples };
         let mut sum: Option<Layers> = None;
+        let mut last_alpha = None;
         let weight = 1.0 / samples as f32;
         for sample in 0..samples {
-            let layers = match settings.method {
-                Method::Path => self.path_layers(&view, settings, &mut clock),
+            let (layers, alpha) = match settings.method {
+                Method::Path => (self.path_layers(&view, settings, &mut clock), None),
                 _ => self.vpl_layers(&view, settings, sample, &mut clock),
             };
+            last_alpha = alpha;
             match &mut sum {
                 None if samples == 1 => sum = Some(layers),
                 None => sum = Some(layers.scaled(weight)),
@@ -105,17 +109,18 @@ impl Renderer {
             }
         }
         let layers = sum.unwrap_or_default();
-        Ok(Frame { layers, stages: clock.finish(), d_min: self.d_min(settings) })
+        let stages = clock.finish();
+        Ok(Frame { layers, stages, d_min: self.d_min(settings), alpha: last_alpha })
     }
 
-    /// One sample of the methods that use virtual lights.
+    /// One sample of the methods that use virtual lights, and the alpha of its bounced light.
     fn vpl_layers(
         &self,
         view: &ViewFrame,
         settings: &Settings,
         sample: u32,
         clock: &mut Clock<'_>,
-    ) -> Layers {
+    ) -> (Layers, Option<f32>) {
         let (world, emitters) = (&self.world, &self.emitters);
         let normal_maps = settings.surface.normal_maps;
         let seed = hash_u32(settings.seed ^ hash_u32(sample));
@@ -160,7 +165,7 @@ impl Renderer {
         let (on_direct, on_indirect) = gathers.split_at(direct_gathers);
         on_direct.iter().for_each(|(gathered, _)| layers.add_direct(gathered));
         on_indirect.iter().for_each(|(gathered, _)| layers.set_indirect(gathered));
-        layers
+        (layers, on_indirect.iter().find_map(|(gathered, _)| gathered.alpha))
     }
 
     /// Virtual lights on what light paths hit.

@@ -26,6 +26,8 @@ pub struct Gathered {
     pub shadowed: Vec<Vec3>,
     /// Lights evaluated with a contribution above zero.
     pub evals: Vec<u32>,
+    /// Reach of the levels, where a grid gathered.
+    pub alpha: Option<f32>,
 }
 
 impl Gathered {
@@ -37,6 +39,7 @@ impl Gathered {
             trust: Vec::new(),
             shadowed: Vec::new(),
             evals: vec![0; pixels],
+            alpha: None,
         }
     }
 

@@ -17,10 +17,9 @@ use glam::Vec3;
 /// Share of the variance that adds to the squared distance; 1 is second order at large distances,
 /// less makes up for the orders left out near by (`docs/decisions/0002-spread-of-grid-lights.md`).
 const FAR: f32 = 0.65;
-/// Squared distances below and above which a light counts as this far, in variances and in m²: only
-/// keep the arithmetic finite.
-const NEAREST_SQ: [f32; 2] = [1e-2, 1e-12];
-const FARTHEST_SQ: f32 = 1e12;
+/// Squared distance below which a light counts as this far, in variances and in m²: only keeps the
+/// arithmetic finite.
+const NEAREST_SQ: [f32; 2] = [1e-2, 1e-20];
 /// Least width of a soft clamp, m: keeps the fraction finite where there is no spread.
 const NO_SPREAD: f32 = 1e-10;
 
@@ -70,16 +69,15 @@ pub(super) fn geometry<const FUSED: bool>(
     let v4 = light.variance_4;
     let dist_sq = dot::<FUSED>(offset, offset);
     let dist_sq = if dist_sq > light.nearest_sq { dist_sq } else { light.nearest_sq };
-    let dist_sq = if dist_sq < FARTHEST_SQ { dist_sq } else { FARTHEST_SQ };
 
-    // r = d²/(d² + 4v) per axis, with one division.
-    let [ax, ay, az] = [dist_sq + v4[0], dist_sq + v4[1], dist_sq + v4[2]];
-    let a_yz = ay * az;
-    let scale = dist_sq / (ax * a_yz);
-    let x_scale = ax * scale;
-    let r = [a_yz * scale, az * x_scale, ay * x_scale];
-    // About 1/d²: with it the squares of lengths below stay small numbers without a unit.
-    let unit = dist_sq * scale;
+    let inverse_sq = 1.0 / dist_sq;
+
+    // r = 1/(1 + 4v/d²) per axis, with one division.
+    let a = v4.map(|v| mul_add::<FUSED>(v, inverse_sq, 1.0));
+    let a_yz = a[1] * a[2];
+    let product = 1.0 / (a[0] * a_yz);
+    let x_product = a[0] * product;
+    let r = [a_yz * product, a[2] * x_product, a[1] * x_product];
 
     let p = [x * r[0], y * r[1], z * r[2]];
     let s4 = [v4[0] * r[0], v4[1] * r[1], v4[2] * r[2]];
@@ -93,14 +91,14 @@ pub(super) fn geometry<const FUSED: bool>(
     let cosines = mul_add::<FUSED>(cos_x.above, cos_l.above, -joint * (cos_x.open * cos_l.open));
     let cosines = if cosines > 0.0 { cosines } else { 0.0 };
 
-    let far = (dist_sq + light.far) * unit;
+    let far = mul_add::<FUSED>(light.far, inverse_sq, 1.0);
     let far_sq = far * far;
-    let along = 3.0 * dot::<FUSED>([v4[0] * x, v4[1] * y, v4[2] * z], offset);
-    let mean = mul_add::<FUSED>(along * unit, unit, far_sq);
-    let clamp = d_min_sq * unit;
+    let along = 3.0 * dot::<FUSED>([v4[0] * x, v4[1] * y, v4[2] * z], offset) * inverse_sq;
+    let mean = mul_add::<FUSED>(along, inverse_sq, far_sq);
+    let clamp = d_min_sq * inverse_sq;
     let clamped = if far > clamp { far } else { clamp };
     let below = cos_x.below * cos_l.below * far_sq * (far * clamped);
-    (cosines * unit) * (mean * unit) / below
+    (cosines * inverse_sq) * (mean * inverse_sq) / below
 }
 
 /// a·b + c, rounded once where `FUSED`.
@@ -167,14 +165,7 @@ mod tests {
             let mut s = Sequence::new(9, i);
             let normal = uniform_sphere(s.next_2d()) * s.next_1d().sqrt();
             let variance = Vec3::new(s.next_1d(), s.next_1d(), s.next_1d()).powf(4.0) * 0.1;
-            let light = TileLight {
-                normal: normal.to_array(),
-                variance_4: (4.0 * variance).to_array(),
-                nearest_sq: nearest_sq(variance.element_sum()),
-                far: far(variance.element_sum()),
-                normal_spread_3: 3.0 * normal_spread(normal),
-                ..TileLight::default()
-            };
+            let light = spread_light(normal, variance);
             let offset = uniform_sphere(s.next_2d()) * (0.01 + s.next_1d());
             let n = uniform_sphere(s.next_2d());
             let [constant, slope] = reach_behind(normal, variance);
@@ -199,6 +190,65 @@ mod tests {
             let expected = crate::vlight::vpl::geometry(offset, Vec3::Y, Vec3::ZERO, n, 0.01);
             let got = geometry::<false>(&light, offset.to_array(), n.to_array(), 0.01);
             assert!((got - expected).abs() <= 1e-4 * expected + 1e-5, "{got} for {expected}");
+        }
+    }
+
+    #[test]
+    fn fused_and_plain_agree() {
+        for i in 0..2000 {
+            let mut s = Sequence::new(13, i);
+            let normal = uniform_sphere(s.next_2d()) * s.next_1d().sqrt();
+            let light = spread_light(normal, Vec3::new(s.next_1d(), s.next_1d(), 0.1) * 0.2);
+            let (offset, n) = (uniform_sphere(s.next_2d()).to_array(), uniform_sphere(s.next_2d()));
+            let plain = geometry::<false>(&light, offset, n.to_array(), 0.01);
+            let fused = geometry::<true>(&light, offset, n.to_array(), 0.01);
+            assert!((plain - fused).abs() <= 1e-4 * plain + 1e-5, "{plain} {fused}");
+        }
+    }
+
+    /// The unit of length does not matter: g ∝ 1/m².
+    #[test]
+    fn scenes_may_be_tiny_or_huge() {
+        for i in 0..500 {
+            let mut s = Sequence::new(29, i);
+            let normal = uniform_sphere(s.next_2d()) * s.next_1d().sqrt();
+            let variance = Vec3::new(s.next_1d(), s.next_1d(), s.next_1d()).powf(4.0);
+            let (offset, n) = (uniform_sphere(s.next_2d()), uniform_sphere(s.next_2d()));
+            let at = |unit: f32, variance: Vec3| {
+                let light = spread_light(normal, variance * unit * unit);
+                let offset = (offset * unit).to_array();
+                geometry::<false>(&light, offset, n.to_array(), 1e-4 * unit * unit) * unit * unit
+            };
+            for variance in [variance, Vec3::ZERO] {
+                let expected = at(1.0, variance);
+                for unit in [1e-7, 1e-3, 1e4, 1e8] {
+                    let g = at(unit, variance);
+                    assert!((g - expected).abs() <= 2e-3 * expected + 1e-4, "{unit}: {g}");
+                }
+            }
+        }
+    }
+
+    /// Where a light's spread runs along both normals, its cosines rise and fall together.
+    #[test]
+    fn cosines_that_vary_together_count() {
+        let light = spread_light(Vec3::NEG_Y, Vec3::new(0.0, 0.04, 0.0));
+        let n = Vec3::Y;
+        // Lights at 0.8 and 1.2 in front of a receiver that faces them: mean of d²/d⁴.
+        let truth = 0.5 * (1.0 / (0.8f32 * 0.8) + 1.0 / (1.2 * 1.2));
+        let got = geometry::<false>(&light, [0.0, 1.0, 0.0], n.to_array(), 1e-6);
+        assert!((got / truth - 1.0).abs() < 0.06, "{got} for {truth}");
+    }
+
+    fn spread_light(normal: Vec3, variance: Vec3) -> TileLight {
+        let total = variance.element_sum();
+        TileLight {
+            normal: normal.to_array(),
+            variance_4: (4.0 * variance).to_array(),
+            nearest_sq: nearest_sq(total),
+            far: far(total),
+            normal_spread_3: 3.0 * normal_spread(normal),
+            ..TileLight::default()
         }
     }
 

@@ -18,7 +18,6 @@ mod sweep;
 mod tiles;
 mod walk;
 
-pub use reach::choose_alpha;
 pub use record::{GridLight, Level, LightingGrid};
 pub use sample::{TILE, gather};
 

@@ -12,22 +12,25 @@ use rayon::prelude::*;
 
 /// Receivers asked for their number of lights.
 const ASKED: usize = 128;
-/// Corrections of alpha: the last changes it by less than a hundredth.
-const STEPS: u32 = 4;
-/// Number of lights ∝ alpha to this power: between surfaces (2) and the levels' sum (1).
+/// Most corrections of alpha, and how near the number must be to end them.
+const STEPS: u32 = 6;
+const NEAR_ENOUGH: f32 = 0.01;
+/// Number of lights ∝ alpha to this power, about: between surfaces (2) and the levels' sum (1).
 const GROWTH: f32 = 1.6;
 
 /// Alpha of a gather: as set, or such that the receivers evaluate about `grid.evals` lights each.
 ///
-/// Shapes: receivers `[h·w]` · Cost: 128 receivers, each searching the grid five times
-pub fn choose_alpha(grid: &LightingGrid, receivers: &Receivers, settings: &Settings) -> f32 {
+/// Shapes: receivers `[h·w]` · Cost: 128 receivers, each searching the grid up to six times
+pub(super) fn choose_alpha(grid: &LightingGrid, receivers: &Receivers, settings: &Settings) -> f32 {
     if let Some(alpha) = settings.grid.alpha {
         return alpha;
     }
     let surfaces: Vec<&SurfacePoint> =
         receivers.samples.iter().filter_map(|s| s.surface.as_ref()).collect();
+    // The golden ratio spreads them over rows and columns alike, at any width of the picture.
+    let pick = |i: usize| (i as f64 * 0.618_033_988_749_894_9).fract() * surfaces.len() as f64;
     let asked: Vec<&SurfacePoint> =
-        (0..ASKED).filter_map(|i| surfaces.get(i * surfaces.len() / ASKED).copied()).collect();
+        (0..ASKED).filter_map(|i| surfaces.get(pick(i) as usize).copied()).collect();
     let mut alpha = 1.0;
     if grid.levels.is_empty() || asked.is_empty() {
         return alpha;
@@ -36,13 +39,21 @@ pub fn choose_alpha(grid: &LightingGrid, receivers: &Receivers, settings: &Setti
         let evals: usize =
             asked.par_iter().map(|surface| count(grid, surface, alpha, settings)).sum();
         let wanted = settings.grid.evals as f32 * asked.len() as f32 / evals.max(1) as f32;
+        if (wanted - 1.0).abs() < NEAR_ENOUGH {
+            break;
+        }
         alpha = (alpha * wanted.powf(1.0 / GROWTH)).clamp(MIN_AUTO_ALPHA, MAX_AUTO_ALPHA);
     }
     alpha
 }
 
 /// Lights that give one receiver something.
-fn count(grid: &LightingGrid, surface: &SurfacePoint, alpha: f32, settings: &Settings) -> usize {
+pub(super) fn count(
+    grid: &LightingGrid,
+    surface: &SurfacePoint,
+    alpha: f32,
+    settings: &Settings,
+) -> usize {
     let Some(bounds) = Bounds::of(std::iter::once(surface)) else { return 0 };
     let mut near = Vec::new();
     collect(grid, &shells(grid, alpha), settings, &bounds, &mut near);

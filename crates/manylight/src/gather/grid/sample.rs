@@ -45,7 +45,9 @@ pub fn gather(
         return out;
     }
     out.trust = vec![1.0; out.shadow_ratio.len()];
-    let shells = shells(grid, choose_alpha(grid, receivers, settings));
+    let alpha = choose_alpha(grid, receivers, settings);
+    out.alpha = Some(alpha);
+    let shells = shells(grid, alpha);
     let job = Job { world, receivers, grid, settings, d_min, seed, shells: &shells };
     let (blocks_x, blocks_y) =
         (receivers.width.div_ceil(TILE_BLOCK), receivers.height.div_ceil(TILE_BLOCK));

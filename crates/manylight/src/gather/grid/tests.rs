@@ -163,7 +163,7 @@ fn blending_is_a_partition_of_unity_with_the_stated_shells() {
         assert_eq!(shells.len(), grid.levels.len() + usize::from(start_level == 0));
         for i in 0..4000 {
             let d = i as f32 * 0.01;
-            let sum: f32 = shells.iter().map(|s| s.blend(d)).sum();
+            let sum: f32 = shells.iter().map(|s| s.point().blend::<false>([0.0, d, 0.0])).sum();
             assert!((sum - 1.0).abs() < 1e-5, "{sum} at {d}");
         }
     }
@@ -174,8 +174,46 @@ fn blending_is_a_partition_of_unity_with_the_stated_shells() {
     let r = 2.0 * grid.levels[1].cell_size;
     let expected = [(0.5, 0.0), (0.75, 0.5), (1.0, 1.0), (1.5, 0.5), (2.0, 0.0), (3.0, 0.0)];
     for (x, y) in expected {
-        assert!((shells[1].blend(x * r) - y).abs() < 1e-5, "{x}");
+        let blend = shells[1].point().blend::<false>([x * r, 0.0, 0.0]);
+        assert!((blend - y).abs() < 1e-5, "{x}");
     }
+}
+
+#[test]
+fn alpha_gives_the_number_of_lights_asked_for() {
+    use crate::surface::{PixelSample, Receivers};
+    let mut settings = crate::settings::Settings::default();
+    let grid = LightingGrid::build(&lights(20_000), &settings.grid, 0.1);
+    // A wall of receivers through the lights: what a column sees depends on the column.
+    let picture = |width: usize, height: usize| {
+        let sample = |i: usize| {
+            let (u, v) = ((i % width) as f32 / width as f32, (i / width) as f32 / height as f32);
+            let surface = SurfacePoint {
+                position: Vec3::new(3.0, -2.0, 8.0) + Vec3::new(5.0 * u, 6.0 * v - 3.0, 0.0),
+                ng: Vec3::Z,
+                ns: Vec3::Z,
+                albedo: Vec3::ONE,
+                emission: Vec3::ZERO,
+                unlit: false,
+            };
+            PixelSample { surface: Some(surface), depth: 1.0, direction: Vec3::Z }
+        };
+        Receivers { width, height, samples: (0..width * height).map(sample).collect() }
+    };
+    for evals in [150, 400] {
+        settings.grid.evals = evals;
+        let alphas = [[64, 64], [200, 90], [512, 128]]
+            .map(|[w, h]| reach::choose_alpha(&grid, &picture(w, h), &settings));
+        assert!(alphas.iter().all(|a| (a / alphas[0] - 1.0).abs() < 0.1), "{alphas:?}");
+        let receivers = picture(64, 64);
+        let counts = receivers.samples.iter().filter_map(|s| s.surface.as_ref());
+        let mean = counts.map(|s| reach::count(&grid, s, alphas[0], &settings)).sum::<usize>()
+            as f32
+            / 4096.0;
+        assert!((mean / evals as f32 - 1.0).abs() < 0.1, "{mean} of {evals}");
+    }
+    settings.grid.alpha = Some(1.25);
+    assert_eq!(reach::choose_alpha(&grid, &picture(8, 8), &settings), 1.25);
 }
 
 #[test]
@@ -203,8 +241,14 @@ fn degenerate_sets_build() {
 
 #[test]
 fn culling_drops_no_light_that_gives_something() {
-    let settings = crate::settings::Settings::default();
-    let grid = grid_of(6000, 6);
+    culling_drops_nothing_from(0);
+    culling_drops_nothing_from(1);
+}
+
+fn culling_drops_nothing_from(start_level: u32) {
+    let mut settings = crate::settings::Settings::default();
+    settings.grid.start_level = start_level;
+    let grid = LightingGrid::build(&lights(6000), &settings.grid, 0.1);
     let shells = tiles::shells(&grid, 1.1);
     let surface = |position: Vec3, ns: Vec3| SurfacePoint {
         position,
@@ -218,7 +262,8 @@ fn culling_drops_no_light_that_gives_something() {
     let (mut all, mut wider, mut list) = (Vec::new(), Vec::new(), walk::TileList::default());
     let everywhere = [surface(Vec3::splat(-1e4), -Vec3::ONE), surface(Vec3::splat(1e4), Vec3::ONE)];
     tiles::collect(&grid, &shells, &settings, &bounds(&everywhere), &mut all);
-    assert_eq!(all.len(), grid.light_count() + grid.lights.len());
+    let vpls = if start_level == 0 { grid.lights.len() } else { 0 };
+    assert_eq!(all.len(), grid.light_count() + vpls);
     let sum = |list: &[tiles::TileLight], s: &SurfacePoint| -> (f64, usize) {
         let term = |light: &tiles::TileLight| {
             let offset = (Vec3::from(light.position) - s.position).to_array();
@@ -234,11 +279,17 @@ fn culling_drops_no_light_that_gives_something() {
         let mut s = Sequence::new(31, block);
         let (center, n) = (uniform_sphere(s.next_2d()) * 6.0 * s.next_1d(), s.next_2d());
         let normal = uniform_sphere(n);
+        // Every fourth at a grid light's mean, where the first level is nearest.
+        let first = &grid.levels[0].lights;
+        let mean = first[block as usize * first.len() / 40].position;
+        let (center, size) = match block % 4 {
+            0 => (mean, 1e-4),
+            _ => (Vec3::new(3.0, -2.0, 8.0) + center, 0.02 * (1 + block) as f32),
+        };
         let receivers: Vec<SurfacePoint> = (0..16)
             .map(|_| {
                 let bent = (normal + uniform_sphere(s.next_2d()) * 0.2).normalize();
-                let offset = uniform_sphere(s.next_2d()) * 0.02 * (1 + block) as f32;
-                surface(Vec3::new(3.0, -2.0, 8.0) + center + offset, bent)
+                surface(center + uniform_sphere(s.next_2d()) * size, bent)
             })
             .collect();
         tiles::collect(&grid, &shells, &settings, &bounds(&receivers), &mut wider);

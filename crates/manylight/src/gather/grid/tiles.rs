@@ -51,10 +51,9 @@ pub(super) struct Shell {
 
 #[cfg(test)]
 impl Shell {
-    /// Blending at a distance, as the inner loop computes it.
-    pub(super) fn blend(&self, d: f32) -> f32 {
-        let line = |[a, b]: [f32; 2]| (d * a + b).clamp(0.0, 1.0);
-        line(self.rise).min(line(self.fall))
+    /// A light of this level without spread.
+    pub(super) fn point(&self) -> TileLight {
+        TileLight { rise: self.rise, fall: self.fall, ..TileLight::default() }
     }
 }
 
@@ -204,9 +203,10 @@ fn is_in_reach(light: &TileLight, shell: &Shell, bounds: &Bounds) -> bool {
     let [low, high] = bounds.position.map(|p| p - center);
     let nearest = Vec3::ZERO.clamp(low, high);
     let farthest_sq = low.abs().max(high.abs()).length_squared();
-    if nearest.length_squared() >= shell.outer * shell.outer + light.nearer
-        || farthest_sq <= shell.inner * shell.inner + light.nearer
-    {
+    let is_beyond = nearest.length_squared() >= shell.outer * shell.outer + light.nearer;
+    // The first level gives at any distance, zero included.
+    let is_inside = shell.inner > 0.0 && farthest_sq <= shell.inner * shell.inner + light.nearer;
+    if is_beyond || is_inside {
         return false;
     }
     // Largest m·(x − p) over the box, against how far the spread reaches behind.

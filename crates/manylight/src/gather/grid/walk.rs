@@ -203,13 +203,13 @@ impl TileList {
         let mut left = target - before;
         let mut drawn = None;
         // Rounding may leave a rest behind the last light: it goes to the last one with a weight.
-        for k in 0..RUN {
-            if weights[k] > 0.0 {
+        for (k, &weight) in weights.iter().enumerate() {
+            if weight > 0.0 {
                 drawn = Some(k);
-                if left < weights[k] {
+                if left < weight {
                     break;
                 }
-                left -= weights[k];
+                left -= weight;
             }
         }
         let run = &self.runs[at];
