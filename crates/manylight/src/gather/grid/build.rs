@@ -42,10 +42,13 @@ impl LightingGrid {
         // A little room, so that the last light lies inside the last cell.
         let edge =
             ((high - low).max_element() * 1.0001).max(1e-4 * high.abs().max_element().max(1e-3));
-        let mut cube = Cube { origin: low, edge, level_count: MAX_LEVELS, lobes: settings.lobes };
+        let lobes = if settings.lobes == 1 { 1 } else { 6 };
+        let mut cube = Cube { origin: low, edge, level_count: MAX_LEVELS, lobes };
         let order = cube.sort(lights, count);
-        cube.level_count =
-            settings.levels.unwrap_or_else(|| cube.choose_level_count(&order, detail));
+        cube.level_count = match settings.levels {
+            Some(levels) => levels.clamp(MIN_LEVELS, MAX_LEVELS),
+            None => cube.choose_level_count(&order, detail),
+        };
         let lights: Vec<Vpl> = order.par_iter().map(|o| lights[o.1 as usize]).collect();
         loop {
             let keys = cube.occupied_cells(&order);

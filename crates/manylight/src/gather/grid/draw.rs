@@ -4,7 +4,8 @@
 //! cells. Inside a cell the weight is fixed by its values at the corners, so that the cells' own
 //! shares to them give the mass of every cell in it: the draw goes down from cell to cell, and at
 //! last from light to light. All sums are of positive terms in the cell's own coordinates: no
-//! digits are lost, whatever the number of levels and of lights.
+//! digits are lost at any number of levels. Only inside a crowded level-1 cell are they differences
+//! of running sums, in double precision.
 
 use super::build::BLOCK;
 use super::cells::{Weight, mass};
