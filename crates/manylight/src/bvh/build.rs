@@ -5,7 +5,7 @@ use super::balanced::build_balanced;
 use super::collapse::{Wide, collapse};
 use super::order::sort_children;
 use super::pack::{OPAQUE, Pack};
-use super::{BoxTree, Bvh, MAX_DEPTH, Triangle, WIDTH};
+use super::{BoxTree, Bvh, MAX_COUNT, MAX_DEPTH, Triangle, WIDTH};
 use glam::Vec3;
 use obvhs::{BvhBuildParams, aabb::Aabb, bvh2::Bvh2};
 
@@ -37,7 +37,8 @@ impl BoxTree {
     pub fn build(boxes: &[[Vec3; 2]]) -> Self {
         let boxes: Vec<Aabb> =
             boxes.iter().map(|[low, high]| Aabb::new((*low).into(), (*high).into())).collect();
-        let Wide { mut nodes, ids, .. } = build_wide(&boxes, 1);
+        let Wide { mut nodes, leaves, ids, .. } = build_wide(&boxes, 1);
+        debug_assert!(leaves.iter().enumerate().all(|(i, leaf)| *leaf == (i..i + 1)));
         // What is in a box may well stop a ray: all alike, a share of their surface.
         let areas: Vec<f32> = ids.iter().map(|&id| boxes[id as usize].half_area() * 0.5).collect();
         sort_children(&mut nodes, &areas);
@@ -47,6 +48,7 @@ impl BoxTree {
 
 /// Most levels or a stack of boxes: the balanced tree; else the one of least cost.
 fn build_wide(boxes: &[Aabb], leaf_size: u32) -> Wide {
+    assert!(boxes.len() <= MAX_COUNT, "{} triangles or boxes are too many", boxes.len());
     if boxes.is_empty() {
         return Wide::empty();
     }
@@ -74,7 +76,8 @@ const MAX_OVERLAP: f32 = 1000.0;
 fn is_stacked(boxes: &[Aabb]) -> bool {
     let whole = boxes.iter().fold(Aabb::INVALID, |whole, aabb| whole.union(aabb));
     let sum: f32 = boxes.iter().map(|aabb| aabb.half_area() / whole.half_area()).sum();
-    sum > MAX_OVERLAP
+    // NaN where the whole has no area, or none that a float holds: costs would say nothing.
+    sum.is_nan() || sum > MAX_OVERLAP
 }
 
 fn make_pack(ids: &[u32], triangles: &[Triangle]) -> Pack {

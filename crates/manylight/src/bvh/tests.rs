@@ -68,12 +68,38 @@ fn plain_lanes_and_registers_give_the_same_bits() {
     for i in 0..2000 {
         let ray = random_ray(i);
         let mut leaves = triangles::Nearest { packs: &bvh.packs, accept: |_: &_| true, best: None };
-        traverse::visit_near_lanes::<lanes::Plain>(&bvh.nodes, &ray, &mut leaves);
+        traverse::visit_near_lanes::<lanes::Plain>((), &bvh.nodes, &ray, &mut leaves);
         let bits = |h: RayHit| (h.triangle, [h.t, h.barycentrics[0], h.barycentrics[1]]);
         assert_eq!(leaves.best.map(bits), bvh.closest(&ray, |_| true).map(bits));
         met += u32::from(leaves.best.is_some());
     }
     assert!(met > 1000);
+}
+
+#[test]
+fn plain_lanes_and_registers_ask_about_the_same_triangles_in_turn() {
+    let mut triangles = random_triangles(3000, 1.5);
+    triangles.iter_mut().step_by(4).for_each(|t| t.opaque = false);
+    let bvh = Bvh::build(&triangles);
+    let (mut asked, mut stopped) = (0, 0);
+    for i in 0..2000 {
+        let ray = random_ray(i);
+        let bits = |h: &RayHit| (h.triangle, [h.t, h.barycentrics[0], h.barycentrics[1]]);
+        let (mut plain, mut registers) = (Vec::new(), Vec::new());
+        let accept = |h: &RayHit| {
+            plain.push(bits(h));
+            false
+        };
+        let mut leaves = triangles::Any { packs: &bvh.packs, accept };
+        let ends = traverse::visit_any_lanes::<lanes::Plain>((), &bvh.nodes, &ray, &mut leaves);
+        let found = bvh.occluded(&ray, |h| {
+            registers.push(bits(h));
+            false
+        });
+        assert_eq!((ends, &plain), (found, &registers));
+        (asked, stopped) = (asked + plain.len(), stopped + u32::from(ends));
+    }
+    assert!(asked > 50 && stopped > 1000, "{asked} asked, {stopped} stopped");
 }
 
 #[test]
@@ -173,6 +199,38 @@ fn degenerate_scenes_miss_and_do_not_hang() {
     }
     let ray = Ray { direction: Vec3::ZERO, ..random_ray(0) };
     assert!(bvh.closest(&ray, |_| true).is_none());
+}
+
+#[test]
+fn rays_that_are_not_finite_miss() {
+    let triangles = random_triangles(9, 3.0);
+    let bvh = Bvh::build(&triangles);
+    let tree = BoxTree::build(&[[Vec3::NEG_ONE, Vec3::ONE]; 3]);
+    for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+        for axis in 0..3 {
+            let good = random_ray(0);
+            let mut rays = [good; 2];
+            rays[0].origin[axis] = bad;
+            rays[1].direction[axis] = bad;
+            for ray in &rays {
+                assert!(bvh.closest(ray, |_| true).is_none() && !bvh.occluded(ray, |_| true));
+                assert!(!tree.visit_any(ray, |_| true));
+                tree.visit_near(ray, |index, _| panic!("box {index}"));
+            }
+        }
+    }
+}
+
+#[test]
+fn boxes_whose_cost_is_no_number_are_kept_apart() {
+    // Too long for a float, and flat: ∞ · 0.
+    let line = [Vec3::X * -3e38, Vec3::X * 3e38];
+    for count in [1, 2, 9, 100] {
+        let tree = BoxTree::build(&vec![line; count]);
+        let mut items = tree.items.clone();
+        items.sort_unstable();
+        assert_eq!(items, (0..count as u32).collect::<Vec<_>>());
+    }
 }
 
 #[test]
