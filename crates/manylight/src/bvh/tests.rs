@@ -243,18 +243,46 @@ fn stacks_and_nests_are_built_in_time_and_hit() {
     };
     let equal = vec![triangle(1.0); 200_000];
     let nested: Vec<_> = (0..200_000).map(|i| triangle(1.0 + 1e-5 * i as f32)).collect();
-    // A nest in the corner of a large scene, which the builder does meet.
-    let mut corner = nested[..5000].to_vec();
+    // Both in the corner of a large scene.
     let far = triangle(1000.0).corners.map(|c| c - Vec3::splat(1000.0));
-    corner.push(Triangle { corners: far, opaque: true });
-    for triangles in [equal, nested, corner] {
+    let in_corner = |stack: &[Triangle]| {
+        let mut triangles = stack.to_vec();
+        triangles.push(Triangle { corners: far, opaque: true });
+        triangles
+    };
+    let (equal_corner, nested_corner) = (in_corner(&equal[..50_000]), in_corner(&nested));
+    // A nest that grows too fast to be a stack, which the builder does meet.
+    let growing: Vec<_> = (0..2000).map(|i| triangle(1.01f32.powi(i) * 0.5)).collect();
+    assert!(!is_stacked(&growing));
+    let stacks = [equal, nested, equal_corner, nested_corner];
+    assert!(stacks.iter().all(|triangles| is_stacked(triangles)));
+    for triangles in stacks.into_iter().chain([growing]) {
         let bvh = Bvh::build(&triangles);
         let (origin, direction) = (Vec3::new(0.2, 0.2, 1.0), Vec3::NEG_Z);
         let ray = Ray { origin, direction, t_max: 9.0 };
         let hit = bvh.closest(&ray, |_| true);
         assert!(hit.is_some_and(|h| (h.t - 1.0).abs() < 1e-6), "{hit:?}");
         assert!(bvh.occluded(&ray, |_| true));
-        let beside = Ray { origin: Vec3::new(2.0, 2.0, 1.0), ..ray };
+        let beside = Ray { origin: Vec3::new(-0.2, 2.0, 1.0), ..ray };
         assert!(!bvh.occluded(&beside, |_| true));
+    }
+}
+
+fn is_stacked(triangles: &[Triangle]) -> bool {
+    let corners = triangles.iter().map(|t| t.corners.map(Into::into));
+    build::is_stacked(&corners.map(|c| obvhs::aabb::Aabb::from_points(&c)).collect::<Vec<_>>())
+}
+
+#[test]
+fn ordinary_scenes_are_no_stacks() {
+    // A plane of equal squares, points of no order, and slivers that cross.
+    let squares: Vec<_> = (0..40_000)
+        .map(|i| {
+            let at = Vec3::new((i % 200) as f32, (i / 200) as f32, 0.0);
+            Triangle { corners: [at, at + Vec3::X, at + Vec3::Y], opaque: true }
+        })
+        .collect();
+    for triangles in [squares, random_triangles(40_000, 0.01), random_triangles(40_000, 0.5)] {
+        assert!(!is_stacked(&triangles));
     }
 }
