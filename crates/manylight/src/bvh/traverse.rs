@@ -49,9 +49,16 @@ impl<V: Vector> Prepared<V> {
             1.0 / if d.abs() < 1e-30 { 1e-30f32.copysign(d) } else { d }
         });
         let near = inverse.map(|i| usize::from(i < 0.0));
-        let splat = |v: [f32; 3]| v.map(|value| V::splat(lanes, value));
-        let [origin, direction] = [ray.origin.to_array(), ray.direction.to_array()].map(splat);
-        Self { lanes, origin, direction, inverse: splat(inverse), near }
+        let splat =
+            |[x, y, z]: [f32; 3]| [V::splat(lanes, x), V::splat(lanes, y), V::splat(lanes, z)];
+        let [origin, direction] = [ray.origin.to_array(), ray.direction.to_array()];
+        Self {
+            lanes,
+            origin: splat(origin),
+            direction: splat(direction),
+            inverse: splat(inverse),
+            near,
+        }
     }
 }
 

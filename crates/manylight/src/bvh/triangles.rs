@@ -105,29 +105,29 @@ fn hit_in(pack: &Pack, lane: usize, [t, u, v]: &[Lanes; 3]) -> RayHit {
 #[inline(always)]
 fn intersect_pack<V: Vector>(pack: &Pack, ray: &Prepared<V>, t_max: f32) -> (u32, [V; 3]) {
     let lanes = ray.lanes;
-    let splat = |value| V::splat(lanes, value);
     let ([ox, oy, oz], [dx, dy, dz]) = (ray.origin, ray.direction);
     let [ax, ay, az] = load::<V>(lanes, &pack.corner);
     let [e1x, e1y, e1z] = load::<V>(lanes, &pack.edge1);
     let [e2x, e2y, e2z] = load::<V>(lanes, &pack.edge2);
     // p = direction × edge2; determinant = edge1 · p
     let (px, py, pz) = (dy * e2z - dz * e2y, dz * e2x - dx * e2z, dx * e2y - dy * e2x);
-    let inverse = splat(1.0) / (e1x * px + e1y * py + e1z * pz);
+    let inverse = V::splat(lanes, 1.0) / (e1x * px + e1y * py + e1z * pz);
     let (sx, sy, sz) = (ox - ax, oy - ay, oz - az);
     let u = (sx * px + sy * py + sz * pz) * inverse;
     let (qx, qy, qz) = (sy * e1z - sz * e1y, sz * e1x - sx * e1z, sx * e1y - sy * e1x);
     let v = (dx * qx + dy * qy + dz * qz) * inverse;
     let t = (e2x * qx + e2y * qy + e2z * qz) * inverse;
     // Comparisons with NaN are false: a determinant of zero, and lanes without a triangle.
-    let mask = splat(-EDGE_SLACK).le(u)
-        & splat(-EDGE_SLACK).le(v)
-        & (u + v).le(splat(1.0 + EDGE_SLACK))
-        & splat(0.0).lt(t)
-        & t.lt(splat(t_max));
+    let mask = V::splat(lanes, -EDGE_SLACK).le(u)
+        & V::splat(lanes, -EDGE_SLACK).le(v)
+        & (u + v).le(V::splat(lanes, 1.0 + EDGE_SLACK))
+        & V::splat(lanes, 0.0).lt(t)
+        & t.lt(V::splat(lanes, t_max));
     (mask, [t, u, v])
 }
 
 #[inline(always)]
 fn load<V: Vector>(lanes: V::Found, values: &[Lanes; 3]) -> [V; 3] {
-    [0, 1, 2].map(|axis| V::load(lanes, &values[axis]))
+    // No closures here: they would not be compiled for AVX2.
+    [V::load(lanes, &values[0]), V::load(lanes, &values[1]), V::load(lanes, &values[2])]
 }
