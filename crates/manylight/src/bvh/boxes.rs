@@ -8,7 +8,7 @@ use super::traverse::{Leaves, Prepared, Ray, visit_any, visit_near};
 #[derive(Debug)]
 pub struct BoxTree {
     pub(super) nodes: Vec<Node>,
-    /// Leaf → position in the builder's list.
+    /// Leaf → position in the builder's list; a leaf holds exactly one.
     pub(super) items: Vec<u32>,
 }
 

@@ -45,7 +45,7 @@ struct Plan {
     costs: [f32; WIDTH],
     /// Ids below.
     count: u32,
-    /// Whether one leaf costs least where there is one slot.
+    /// Whether one slot holds it as a leaf: that costs a visit, as a node would before its leaves.
     is_leaf: bool,
 }
 
@@ -82,9 +82,8 @@ fn join(left: &Plan, right: &Plan, area: f32, leaf_size: u32) -> Plan {
         *cost = (0..k).map(|i| left.costs[i] + right.costs[k - 1 - i]).fold(*cost, f32::min);
     }
     let count = left.count + right.count;
-    let as_node = area + costs[WIDTH - 1];
-    let is_leaf = count <= leaf_size && area <= as_node;
-    costs[0] = if is_leaf { area } else { as_node };
+    let is_leaf = count <= leaf_size;
+    costs[0] = if is_leaf { area } else { area + costs[WIDTH - 1] };
     for k in 1..WIDTH {
         costs[k] = costs[k].min(costs[k - 1]);
     }
@@ -137,7 +136,8 @@ impl Collapse<'_> {
         while more > 0 && costs[more] >= costs[more - 1] {
             more -= 1;
         }
-        if more == 0 {
+        // Costs of boxes beyond the numbers say nothing, not even where there are no children.
+        if more == 0 || self.tree.nodes[binary as usize].is_leaf() {
             roots.push(binary);
         } else {
             self.divide(binary, more, roots);

@@ -9,8 +9,10 @@ use std::ops::{Add, Div, Mul, Sub};
 pub(super) trait Vector:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
 {
-    fn splat(value: f32) -> Self;
-    fn load(lanes: &Lanes) -> Self;
+    /// Proof that the processor has them.
+    type Found: Copy;
+    fn splat(found: Self::Found, value: f32) -> Self;
+    fn load(found: Self::Found, lanes: &Lanes) -> Self;
     fn to_lanes(self) -> Lanes;
     /// The lesser of each lane; `other` where one is NaN.
     fn min(self, other: Self) -> Self;
@@ -37,12 +39,13 @@ fn bits(a: Plain, b: Plain, f: impl Fn(f32, f32) -> bool) -> u32 {
 }
 
 impl Vector for Plain {
+    type Found = ();
     #[inline(always)]
-    fn splat(value: f32) -> Self {
+    fn splat((): (), value: f32) -> Self {
         Self([value; 8])
     }
     #[inline(always)]
-    fn load(lanes: &Lanes) -> Self {
+    fn load((): (), lanes: &Lanes) -> Self {
         Self(*lanes)
     }
     #[inline(always)]
@@ -67,24 +70,39 @@ impl Vector for Plain {
     }
 }
 
-/// One AVX register. Made only by traversals that found AVX in the processor.
+/// Proof that this processor has AVX2, and with it AVX.
+#[cfg(target_arch = "x86_64")]
+#[derive(Clone, Copy)]
+pub(super) struct Avx2(());
+
+#[cfg(target_arch = "x86_64")]
+impl Avx2 {
+    /// Asks the processor.
+    #[inline(always)]
+    pub fn find() -> Option<Self> {
+        std::arch::is_x86_feature_detected!("avx2").then_some(Self(()))
+    }
+}
+
+/// One AVX register. The first ones are made of an [`Avx2`], all others of those.
 #[cfg(target_arch = "x86_64")]
 #[derive(Clone, Copy)]
 pub(super) struct Avx(std::arch::x86_64::__m256);
 
 #[cfg(target_arch = "x86_64")]
 mod avx {
-    use super::{Add, Avx, Div, Lanes, Mul, Sub, Vector};
+    use super::{Add, Avx, Avx2, Div, Lanes, Mul, Sub, Vector};
     use std::arch::x86_64::*;
 
     impl Vector for Avx {
+        type Found = Avx2;
         #[inline(always)]
-        fn splat(value: f32) -> Self {
-            // SAFETY: the processor has AVX, see `Avx`.
+        fn splat(_: Avx2, value: f32) -> Self {
+            // SAFETY: the processor has AVX, as the proof says.
             Self(unsafe { _mm256_set1_ps(value) })
         }
         #[inline(always)]
-        fn load(lanes: &Lanes) -> Self {
+        fn load(_: Avx2, lanes: &Lanes) -> Self {
             // SAFETY: as above; eight numbers may be read.
             Self(unsafe { _mm256_loadu_ps(lanes.as_ptr()) })
         }

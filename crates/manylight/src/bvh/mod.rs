@@ -4,7 +4,7 @@
 //! In: boxes · Out: [`BoxTree`], the boxes along a ray
 //! Paper: `[Wald14]` for wide nodes and triangle packs, `[Ylitie17]` for collapsing a binary tree
 //! (built by obvhs, PLOC) to them, `[IzeHansen11]` for the order of children.
-//! Limits: at most 2^27 packs and 72 levels; bounds are not refitted.
+//! Limits: at most [`MAX_COUNT`] triangles or boxes and 72 levels; bounds are not refitted.
 
 mod balanced;
 mod boxes;
@@ -24,6 +24,10 @@ use pack::{Node, Pack};
 
 /// Children per node and triangles per leaf pack.
 const WIDTH: usize = 8;
+
+/// Most triangles or boxes: one bit of a reference and of an id is a flag, and all ones mark what
+/// is empty. Building more panics.
+const MAX_COUNT: usize = (1 << 31) - 1;
 
 /// Most levels of nodes; the traversal's stack has room for no more.
 const MAX_DEPTH: usize = 72;

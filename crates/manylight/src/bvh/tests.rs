@@ -68,12 +68,38 @@ fn plain_lanes_and_registers_give_the_same_bits() {
     for i in 0..2000 {
         let ray = random_ray(i);
         let mut leaves = triangles::Nearest { packs: &bvh.packs, accept: |_: &_| true, best: None };
-        traverse::visit_near_lanes::<lanes::Plain>(&bvh.nodes, &ray, &mut leaves);
+        traverse::visit_near_lanes::<lanes::Plain>((), &bvh.nodes, &ray, &mut leaves);
         let bits = |h: RayHit| (h.triangle, [h.t, h.barycentrics[0], h.barycentrics[1]]);
         assert_eq!(leaves.best.map(bits), bvh.closest(&ray, |_| true).map(bits));
         met += u32::from(leaves.best.is_some());
     }
     assert!(met > 1000);
+}
+
+#[test]
+fn plain_lanes_and_registers_ask_about_the_same_triangles_in_turn() {
+    let mut triangles = random_triangles(3000, 1.5);
+    triangles.iter_mut().step_by(4).for_each(|t| t.opaque = false);
+    let bvh = Bvh::build(&triangles);
+    let (mut asked, mut stopped) = (0, 0);
+    for i in 0..2000 {
+        let ray = random_ray(i);
+        let bits = |h: &RayHit| (h.triangle, [h.t, h.barycentrics[0], h.barycentrics[1]]);
+        let (mut plain, mut registers) = (Vec::new(), Vec::new());
+        let accept = |h: &RayHit| {
+            plain.push(bits(h));
+            false
+        };
+        let mut leaves = triangles::Any { packs: &bvh.packs, accept };
+        let ends = traverse::visit_any_lanes::<lanes::Plain>((), &bvh.nodes, &ray, &mut leaves);
+        let found = bvh.occluded(&ray, |h| {
+            registers.push(bits(h));
+            false
+        });
+        assert_eq!((ends, &plain), (found, &registers));
+        (asked, stopped) = (asked + plain.len(), stopped + u32::from(ends));
+    }
+    assert!(asked > 50 && stopped > 1000, "{asked} asked, {stopped} stopped");
 }
 
 #[test]
@@ -176,6 +202,38 @@ fn degenerate_scenes_miss_and_do_not_hang() {
 }
 
 #[test]
+fn rays_that_are_not_finite_miss() {
+    let triangles = random_triangles(9, 3.0);
+    let bvh = Bvh::build(&triangles);
+    let tree = BoxTree::build(&[[Vec3::NEG_ONE, Vec3::ONE]; 3]);
+    for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+        for axis in 0..3 {
+            let good = random_ray(0);
+            let mut rays = [good; 2];
+            rays[0].origin[axis] = bad;
+            rays[1].direction[axis] = bad;
+            for ray in &rays {
+                assert!(bvh.closest(ray, |_| true).is_none() && !bvh.occluded(ray, |_| true));
+                assert!(!tree.visit_any(ray, |_| true));
+                tree.visit_near(ray, |index, _| panic!("box {index}"));
+            }
+        }
+    }
+}
+
+#[test]
+fn boxes_whose_cost_is_no_number_are_kept_apart() {
+    // Too long for a float, and flat: ∞ · 0.
+    let line = [Vec3::X * -3e38, Vec3::X * 3e38];
+    for count in [1, 2, 9, 100] {
+        let tree = BoxTree::build(&vec![line; count]);
+        let mut items = tree.items.clone();
+        items.sort_unstable();
+        assert_eq!(items, (0..count as u32).collect::<Vec<_>>());
+    }
+}
+
+#[test]
 fn stacks_and_nests_are_built_in_time_and_hit() {
     // Equal triangles, and ones that contain each other: quadratic time would be hours here, and
     // the tree of least cost a chain deeper than any stack.
@@ -185,18 +243,46 @@ fn stacks_and_nests_are_built_in_time_and_hit() {
     };
     let equal = vec![triangle(1.0); 200_000];
     let nested: Vec<_> = (0..200_000).map(|i| triangle(1.0 + 1e-5 * i as f32)).collect();
-    // A nest in the corner of a large scene, which the builder does meet.
-    let mut corner = nested[..5000].to_vec();
+    // Both in the corner of a large scene.
     let far = triangle(1000.0).corners.map(|c| c - Vec3::splat(1000.0));
-    corner.push(Triangle { corners: far, opaque: true });
-    for triangles in [equal, nested, corner] {
+    let in_corner = |stack: &[Triangle]| {
+        let mut triangles = stack.to_vec();
+        triangles.push(Triangle { corners: far, opaque: true });
+        triangles
+    };
+    let (equal_corner, nested_corner) = (in_corner(&equal[..50_000]), in_corner(&nested));
+    // A nest that grows too fast to be a stack, which the builder does meet.
+    let growing: Vec<_> = (0..2000).map(|i| triangle(1.01f32.powi(i) * 0.5)).collect();
+    assert!(!is_stacked(&growing));
+    let stacks = [equal, nested, equal_corner, nested_corner];
+    assert!(stacks.iter().all(|triangles| is_stacked(triangles)));
+    for triangles in stacks.into_iter().chain([growing]) {
         let bvh = Bvh::build(&triangles);
         let (origin, direction) = (Vec3::new(0.2, 0.2, 1.0), Vec3::NEG_Z);
         let ray = Ray { origin, direction, t_max: 9.0 };
         let hit = bvh.closest(&ray, |_| true);
         assert!(hit.is_some_and(|h| (h.t - 1.0).abs() < 1e-6), "{hit:?}");
         assert!(bvh.occluded(&ray, |_| true));
-        let beside = Ray { origin: Vec3::new(2.0, 2.0, 1.0), ..ray };
+        let beside = Ray { origin: Vec3::new(-0.2, 2.0, 1.0), ..ray };
         assert!(!bvh.occluded(&beside, |_| true));
+    }
+}
+
+fn is_stacked(triangles: &[Triangle]) -> bool {
+    let corners = triangles.iter().map(|t| t.corners.map(Into::into));
+    build::is_stacked(&corners.map(|c| obvhs::aabb::Aabb::from_points(&c)).collect::<Vec<_>>())
+}
+
+#[test]
+fn ordinary_scenes_are_no_stacks() {
+    // A plane of equal squares, points of no order, and slivers that cross.
+    let squares: Vec<_> = (0..40_000)
+        .map(|i| {
+            let at = Vec3::new((i % 200) as f32, (i / 200) as f32, 0.0);
+            Triangle { corners: [at, at + Vec3::X, at + Vec3::Y], opaque: true }
+        })
+        .collect();
+    for triangles in [squares, random_triangles(40_000, 0.01), random_triangles(40_000, 0.5)] {
+        assert!(!is_stacked(&triangles));
     }
 }

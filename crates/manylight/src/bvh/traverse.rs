@@ -4,14 +4,15 @@
 //! for AVX2, chosen when a ray starts. No fused multiply-add is used, so both give the same bits.
 
 #[cfg(target_arch = "x86_64")]
-use super::lanes::Avx;
+use super::lanes::{Avx, Avx2};
 use super::lanes::{Plain, Vector};
 use super::pack::{LEAF, Node};
 use super::{MAX_DEPTH, WIDTH};
 use glam::Vec3;
 use std::mem::MaybeUninit;
 
-/// A half-open segment `origin + t·direction`, 0 < t < t_max.
+/// A half-open segment `origin + t·direction`, 0 < t < t_max; it meets nothing if its origin or
+/// direction is not finite.
 #[derive(Clone, Copy, Debug)]
 pub struct Ray {
     /// Start.
@@ -22,8 +23,17 @@ pub struct Ray {
     pub t_max: f32,
 }
 
+impl Ray {
+    /// Whether it has a place: NaN would enter the slots of a node that are empty.
+    #[inline(always)]
+    fn is_finite(&self) -> bool {
+        self.origin.is_finite() && self.direction.is_finite()
+    }
+}
+
 /// A ray in all lanes.
-pub(super) struct Prepared<V> {
+pub(super) struct Prepared<V: Vector> {
+    pub lanes: V::Found,
     pub origin: [V; 3],
     pub direction: [V; 3],
     inverse: [V; 3],
@@ -33,15 +43,22 @@ pub(super) struct Prepared<V> {
 
 impl<V: Vector> Prepared<V> {
     #[inline(always)]
-    fn new(ray: &Ray) -> Self {
+    fn new(lanes: V::Found, ray: &Ray) -> Self {
         let inverse = ray.direction.to_array().map(|d| {
             // A zero component must not make 0·∞ = NaN where the origin lies on a plane.
             1.0 / if d.abs() < 1e-30 { 1e-30f32.copysign(d) } else { d }
         });
         let near = inverse.map(|i| usize::from(i < 0.0));
-        let splat = |[x, y, z]: [f32; 3]| [V::splat(x), V::splat(y), V::splat(z)];
+        let splat =
+            |[x, y, z]: [f32; 3]| [V::splat(lanes, x), V::splat(lanes, y), V::splat(lanes, z)];
         let [origin, direction] = [ray.origin.to_array(), ray.direction.to_array()];
-        Self { origin: splat(origin), direction: splat(direction), inverse: splat(inverse), near }
+        Self {
+            lanes,
+            origin: splat(origin),
+            direction: splat(direction),
+            inverse: splat(inverse),
+            near,
+        }
     }
 }
 
@@ -54,40 +71,51 @@ pub(super) trait Leaves {
 /// Visits the leaves that the ray reaches, nearer children of a node first.
 #[inline]
 pub(super) fn visit_near(nodes: &[Node], ray: &Ray, leaves: &mut impl Leaves) {
-    #[cfg(target_arch = "x86_64")]
-    if std::arch::is_x86_feature_detected!("avx2") {
-        // SAFETY: the processor has AVX2.
-        return unsafe { visit_near_avx2(nodes, ray, leaves) };
+    if !ray.is_finite() {
+        return;
     }
-    visit_near_lanes::<Plain>(nodes, ray, leaves);
+    #[cfg(target_arch = "x86_64")]
+    if let Some(found) = Avx2::find() {
+        // SAFETY: the processor has AVX2.
+        return unsafe { visit_near_avx2(found, nodes, ray, leaves) };
+    }
+    visit_near_lanes::<Plain>((), nodes, ray, leaves);
 }
 
 /// Visits the leaves along a ray in the order of the slots; whether one ended the walk.
 #[inline]
 pub(super) fn visit_any(nodes: &[Node], ray: &Ray, leaves: &mut impl Leaves) -> bool {
-    #[cfg(target_arch = "x86_64")]
-    if std::arch::is_x86_feature_detected!("avx2") {
-        // SAFETY: the processor has AVX2.
-        return unsafe { visit_any_avx2(nodes, ray, leaves) };
+    if !ray.is_finite() {
+        return false;
     }
-    visit_any_lanes::<Plain>(nodes, ray, leaves)
+    #[cfg(target_arch = "x86_64")]
+    if let Some(found) = Avx2::find() {
+        // SAFETY: the processor has AVX2.
+        return unsafe { visit_any_avx2(found, nodes, ray, leaves) };
+    }
+    visit_any_lanes::<Plain>((), nodes, ray, leaves)
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
-fn visit_near_avx2(nodes: &[Node], ray: &Ray, leaves: &mut impl Leaves) {
-    visit_near_lanes::<Avx>(nodes, ray, leaves);
+fn visit_near_avx2(found: Avx2, nodes: &[Node], ray: &Ray, leaves: &mut impl Leaves) {
+    visit_near_lanes::<Avx>(found, nodes, ray, leaves);
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
-fn visit_any_avx2(nodes: &[Node], ray: &Ray, leaves: &mut impl Leaves) -> bool {
-    visit_any_lanes::<Avx>(nodes, ray, leaves)
+fn visit_any_avx2(found: Avx2, nodes: &[Node], ray: &Ray, leaves: &mut impl Leaves) -> bool {
+    visit_any_lanes::<Avx>(found, nodes, ray, leaves)
 }
 
 #[inline(always)]
-pub(super) fn visit_near_lanes<V: Vector>(nodes: &[Node], ray: &Ray, leaves: &mut impl Leaves) {
-    let prepared = Prepared::<V>::new(ray);
+pub(super) fn visit_near_lanes<V: Vector>(
+    lanes: V::Found,
+    nodes: &[Node],
+    ray: &Ray,
+    leaves: &mut impl Leaves,
+) {
+    let prepared = Prepared::<V>::new(lanes, ray);
     let mut t_max = ray.t_max;
     let mut stack = Stack::<(u32, f32), NEAR_STACK>::new();
     stack.push((0, 0.0));
@@ -123,11 +151,12 @@ pub(super) fn visit_near_lanes<V: Vector>(nodes: &[Node], ray: &Ray, leaves: &mu
 
 #[inline(always)]
 pub(super) fn visit_any_lanes<V: Vector>(
+    lanes: V::Found,
     nodes: &[Node],
     ray: &Ray,
     leaves: &mut impl Leaves,
 ) -> bool {
-    let prepared = Prepared::<V>::new(ray);
+    let prepared = Prepared::<V>::new(lanes, ray);
     let mut t_max = ray.t_max;
     // Nodes on the way down with slots that are still to be visited.
     let mut stack = Stack::<(u32, u32), MAX_DEPTH>::new();
@@ -199,17 +228,17 @@ pub(super) fn lanes_of(mut mask: u32) -> impl Iterator<Item = usize> {
 #[inline(always)]
 fn intersect_node<V: Vector>(node: &Node, ray: &Prepared<V>, t_max: f32) -> (u32, V) {
     let (x, y, z) = (slabs(node, ray, 0), slabs(node, ray, 1), slabs(node, ray, 2));
-    let enter = x.0.max(y.0).max(z.0.max(V::splat(0.0)));
+    let enter = x.0.max(y.0).max(z.0.max(V::splat(ray.lanes, 0.0)));
     // Two roundings of the far side, so that a grazed box is never missed.
-    let leave = x.1.min(y.1).min(z.1) * V::splat(1.000_000_4);
-    (enter.le(leave.min(V::splat(t_max))), enter)
+    let leave = x.1.min(y.1).min(z.1) * V::splat(ray.lanes, 1.000_000_4);
+    (enter.le(leave.min(V::splat(ray.lanes, t_max))), enter)
 }
 
 /// Where the ray enters and leaves the slabs of one axis.
 #[inline(always)]
 fn slabs<V: Vector>(node: &Node, ray: &Prepared<V>, axis: usize) -> (V, V) {
     let (origin, inverse) = (ray.origin[axis], ray.inverse[axis]);
-    let near = V::load(&node.planes[axis][ray.near[axis]]);
-    let far = V::load(&node.planes[axis][1 - ray.near[axis]]);
+    let near = V::load(ray.lanes, &node.planes[axis][ray.near[axis]]);
+    let far = V::load(ray.lanes, &node.planes[axis][1 - ray.near[axis]]);
     ((near - origin) * inverse, (far - origin) * inverse)
 }

@@ -66,9 +66,9 @@ impl<F: FnMut(&RayHit) -> bool> Leaves for Nearest<'_, F> {
     }
 }
 
-struct Any<'a, F> {
-    packs: &'a [Pack],
-    accept: F,
+pub(super) struct Any<'a, F> {
+    pub packs: &'a [Pack],
+    pub accept: F,
 }
 
 impl<F: FnMut(&RayHit) -> bool> Leaves for Any<'_, F> {
@@ -104,28 +104,30 @@ fn hit_in(pack: &Pack, lane: usize, [t, u, v]: &[Lanes; 3]) -> RayHit {
 /// Source: `[MoellerTrumbore97]`, edges stored.
 #[inline(always)]
 fn intersect_pack<V: Vector>(pack: &Pack, ray: &Prepared<V>, t_max: f32) -> (u32, [V; 3]) {
+    let lanes = ray.lanes;
     let ([ox, oy, oz], [dx, dy, dz]) = (ray.origin, ray.direction);
-    let [ax, ay, az] = load(&pack.corner);
-    let [e1x, e1y, e1z] = load::<V>(&pack.edge1);
-    let [e2x, e2y, e2z] = load(&pack.edge2);
+    let [ax, ay, az] = load::<V>(lanes, &pack.corner);
+    let [e1x, e1y, e1z] = load::<V>(lanes, &pack.edge1);
+    let [e2x, e2y, e2z] = load::<V>(lanes, &pack.edge2);
     // p = direction × edge2; determinant = edge1 · p
     let (px, py, pz) = (dy * e2z - dz * e2y, dz * e2x - dx * e2z, dx * e2y - dy * e2x);
-    let inverse = V::splat(1.0) / (e1x * px + e1y * py + e1z * pz);
+    let inverse = V::splat(lanes, 1.0) / (e1x * px + e1y * py + e1z * pz);
     let (sx, sy, sz) = (ox - ax, oy - ay, oz - az);
     let u = (sx * px + sy * py + sz * pz) * inverse;
     let (qx, qy, qz) = (sy * e1z - sz * e1y, sz * e1x - sx * e1z, sx * e1y - sy * e1x);
     let v = (dx * qx + dy * qy + dz * qz) * inverse;
     let t = (e2x * qx + e2y * qy + e2z * qz) * inverse;
     // Comparisons with NaN are false: a determinant of zero, and lanes without a triangle.
-    let mask = V::splat(-EDGE_SLACK).le(u)
-        & V::splat(-EDGE_SLACK).le(v)
-        & (u + v).le(V::splat(1.0 + EDGE_SLACK))
-        & V::splat(0.0).lt(t)
-        & t.lt(V::splat(t_max));
+    let mask = V::splat(lanes, -EDGE_SLACK).le(u)
+        & V::splat(lanes, -EDGE_SLACK).le(v)
+        & (u + v).le(V::splat(lanes, 1.0 + EDGE_SLACK))
+        & V::splat(lanes, 0.0).lt(t)
+        & t.lt(V::splat(lanes, t_max));
     (mask, [t, u, v])
 }
 
 #[inline(always)]
-fn load<V: Vector>(lanes: &[Lanes; 3]) -> [V; 3] {
-    [V::load(&lanes[0]), V::load(&lanes[1]), V::load(&lanes[2])]
+fn load<V: Vector>(lanes: V::Found, values: &[Lanes; 3]) -> [V; 3] {
+    // No closures here: they would not be compiled for AVX2.
+    [V::load(lanes, &values[0]), V::load(lanes, &values[1]), V::load(lanes, &values[2])]
 }

@@ -20,7 +20,7 @@ use sweep::{By, Pass, Scratch, sweep_row};
 /// Distance from the receiver's plane that halves a weight, in pixels at its depth for every pixel
 /// between the two.
 const PLANE_SLACK: f32 = 0.25;
-/// What positions are off by, as a share of their size.
+/// What positions are off by, as a share of their distance from the world's origin or the eye.
 const ROUNDING: f32 = 4.0 * f32::EPSILON;
 /// Least trust: what failed to draw anything is likely in the dark itself.
 const LEAST_TRUST: f32 = 0.05;
@@ -51,32 +51,40 @@ pub fn atrous(
     view: &ViewFrame,
     settings: &FilterSettings,
 ) -> Vec<Vec<f32>> {
+    if noisy.is_empty() {
+        return Vec::new();
+    }
     let guides = guides(receivers, view);
-    let (mut current, trust) = raw(noisy, &guides);
+    let mut current = first_pass(noisy, &guides);
+    for i in 1..settings.passes {
+        let (by, step) = (By::Themselves, 1 << i);
+        current = Pass { guides: &guides, signals: &current, by, step }.run();
+    }
+    (0..noisy.len()).map(|signal| current.channel(2 * signal)).collect()
+}
+
+/// The pass that has to guess the variance.
+fn first_pass(noisy: &[Noisy<'_>], guides: &Planes) -> Planes {
+    let (mut raw, trust) = raw(noisy, guides);
     // A first guess, blind to changes of the ratio, tells the variance of a share p of n rays:
     // p (1 − p) / n.
     let blind = By::Nothing { trust: &trust };
-    let mut guess = Pass { guides: &guides, signals: &current, by: blind, step: 1 }.run();
-    let (stride, pitch) = (guides.stride, current.pitch());
-    let rows = guess.data.par_chunks_mut(pitch).zip(current.data.par_chunks_mut(pitch));
-    rows.for_each(|(guess, current)| {
-        let signals = guess.chunks_exact_mut(2 * stride).zip(current.chunks_exact_mut(2 * stride));
-        for ((guess, current), noisy) in signals.zip(noisy) {
-            let ((value, shrunk), current) = (guess.split_at_mut(stride), &mut current[stride..]);
+    let mut guess = Pass { guides, signals: &raw, by: blind, step: 1 }.run();
+    let (stride, pitch) = (guides.stride, raw.pitch());
+    let rows = guess.data.par_chunks_mut(pitch).zip(raw.data.par_chunks_mut(pitch));
+    rows.for_each(|(guess, raw)| {
+        let signals = guess.chunks_exact_mut(2 * stride).zip(raw.chunks_exact_mut(2 * stride));
+        for ((guess, raw), noisy) in signals.zip(noisy) {
+            let ((value, shrunk), raw) = (guess.split_at_mut(stride), &mut raw[stride..]);
             let share = 1.0 / noisy.rays.max(1) as f32;
-            for ((p, shrunk), variance) in value.iter().zip(shrunk).zip(current) {
+            for ((p, shrunk), variance) in value.iter().zip(shrunk).zip(raw) {
                 *variance = (*p * (1.0 - *p)).max(LEAST_VARIANCE) * share;
                 *shrunk *= *variance;
             }
         }
     });
     let by = By::Guess { trust: &trust, guess: &guess };
-    current = Pass { guides: &guides, signals: &current, by, step: 1 }.run();
-    for i in 1..settings.passes {
-        let (by, step) = (By::Themselves, 1 << i);
-        current = Pass { guides: &guides, signals: &current, by, step }.run();
-    }
-    (0..noisy.len()).map(|signal| current.channel(2 * signal)).collect()
+    Pass { guides, signals: &raw, by, step: 1 }.run()
 }
 
 impl Pass<'_> {
@@ -133,8 +141,8 @@ fn guides(receivers: &Receivers, view: &ViewFrame) -> Planes {
         for (x, sample) in samples.iter().enumerate() {
             let Some(surface) = &sample.surface else { continue };
             let slack = PLANE_SLACK * view.pixel_size(sample.depth).clamp(1e-7, 1e6);
-            let slack = slack + ROUNDING * surface.position.abs().max_element();
             let (p, n) = (surface.position - origin, surface.ng);
+            let slack = slack + ROUNDING * surface.position.abs().max(p.abs()).max_element();
             let guides = [p.x, p.y, p.z, n.x, n.y, n.z, luminance(surface.albedo), 1.0 / slack];
             for (guide, row) in guides.into_iter().zip(row.chunks_exact_mut(stride)) {
                 row[x] = guide;

@@ -2,14 +2,16 @@
 
 /// Floats of a cache line.
 const LINE: usize = 16;
+/// Rows shorter than this need no room between them: those of all channels fit a cache together.
+const LEAST_PADDED: usize = 256;
 
 /// Channels of a picture. A row holds the row of every channel, one after the other.
 pub(super) struct Planes {
     pub width: usize,
     pub height: usize,
     pub channels: usize,
-    /// From one channel of a row to the next: an odd number of cache lines, so that the same
-    /// pixel of many channels does not fall into the same few places of the cache.
+    /// From one channel of a row to the next: where rows are long an odd number of cache lines,
+    /// so that the same pixel of many channels does not fall into the same few places of the cache.
     pub stride: usize,
     pub data: Vec<f32>,
 }
@@ -17,7 +19,7 @@ pub(super) struct Planes {
 impl Planes {
     /// All zero.
     pub fn new(width: usize, height: usize, channels: usize) -> Self {
-        let stride = (width.div_ceil(LINE) | 1) * LINE;
+        let stride = if width < LEAST_PADDED { width } else { (width.div_ceil(LINE) | 1) * LINE };
         Self { width, height, channels, stride, data: vec![0.0; height * channels * stride] }
     }
 

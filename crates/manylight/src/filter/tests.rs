@@ -130,6 +130,43 @@ fn a_picture_smaller_than_the_reach_is_filtered() {
 }
 
 #[test]
+fn a_far_orthographic_camera_leaves_planes_whole() {
+    let mut receivers = wall(64, 64, |_| Vec3::Z);
+    // Pixels of 0.01 mm, seen from 1 km: products with positions seen from there lose that much.
+    let forward = -Vec3::new(0.5, 0.6, 0.7).normalize();
+    let up = forward.any_orthonormal_vector();
+    for (i, sample) in receivers.samples.iter_mut().enumerate() {
+        let surface = sample.surface.as_mut().expect("a wall");
+        let (x, y) = ((i % 64) as f32 * 1e-5, (i / 64) as f32 * 1e-5);
+        surface.position = forward.cross(up) * x + up * y;
+        (surface.ng, surface.ns, sample.depth) = (-forward, -forward, 1000.0);
+    }
+    let camera = Camera {
+        name: String::new(),
+        position: forward * -1000.0,
+        forward,
+        up,
+        projection: Projection::Orthographic { half_height: 32e-5 },
+        size_px: None,
+    };
+    let noisy = shares(64 * 64, 1, 0.5);
+    let far = ViewFrame::new(&camera, 64, 64);
+    let signals = [Noisy { ratio: &noisy, trust: &[], rays: 1 }];
+    let smooth = atrous(&signals, &receivers, &far, &FilterSettings::default()).remove(0);
+    let variance = smooth.iter().map(|p| (p - 0.5).powi(2)).sum::<f32>() / 4096.0;
+    assert!(variance < 0.25 / 40.0, "{variance}");
+}
+
+#[test]
+fn nothing_to_filter_gives_nothing_and_narrow_rows_take_their_own_room() {
+    let receivers = wall(3, 2, |_| Vec3::Z);
+    let settings = FilterSettings::default();
+    assert!(atrous(&[], &receivers, &view(&receivers), &settings).is_empty());
+    assert_eq!(Planes::new(1, 1000, 2).data.len(), 2000);
+    assert!(Planes::new(1000, 1, 1).stride % 32 == 16);
+}
+
+#[test]
 fn what_drew_little_counts_little() {
     let receivers = wall(64, 64, |_| Vec3::Z);
     // Every other receiver failed to draw and says dark.

@@ -33,15 +33,22 @@ pub struct World {
     flat: Bvh,
     /// Builder position → instance and triangle.
     flat_triangles: Vec<[u32; 2]>,
-    /// Meshes that are instanced too often to be copied, in object space; builder positions are
-    /// those of the mesh's triangles.
-    shared: Vec<Bvh>,
+    /// Meshes that are instanced too often to be copied, in object space.
+    shared: Vec<Shared>,
     /// Their instances.
     placements: Vec<Placement>,
     /// The boxes of `placements`.
     placement_tree: BoxTree,
     /// Bounds of all triangles.
     pub bounds: [Vec3; 2],
+}
+
+/// A mesh that its instances share.
+#[derive(Debug)]
+struct Shared {
+    bvh: Bvh,
+    /// Builder position → triangle of the mesh.
+    triangles: Vec<u32>,
 }
 
 /// An instance of a shared mesh.
@@ -134,12 +141,17 @@ impl World {
     fn add_shared(&mut self, mesh: usize, instances: &[u32], boxes: &mut Vec<[Vec3; 2]>) {
         let source = &self.scene.meshes[mesh];
         let opaque = !self.has_holes[source.material as usize];
-        let corners = |t: &[u32; 3]| t.map(|v| source.positions[v as usize]);
-        let build: Vec<Triangle> =
-            source.triangles.iter().map(|t| Triangle { corners: corners(t), opaque }).collect();
+        let (mut build, mut triangles) = (Vec::new(), Vec::new());
+        for (triangle, vertices) in source.triangles.iter().enumerate() {
+            let corners = vertices.map(|v| source.positions[v as usize]);
+            if has_area(&corners) {
+                build.push(Triangle { corners, opaque });
+                triangles.push(triangle as u32);
+            }
+        }
         let bounds = bounds_of(build.iter().flat_map(|t| t.corners));
         let shared = self.shared.len() as u32;
-        self.shared.push(Bvh::build(&build));
+        self.shared.push(Shared { bvh: Bvh::build(&build), triangles });
         for &instance in instances {
             let world_from_object = self.scene.instances[instance as usize].world_from_object;
             let bounds = placed_bounds(&world_from_object, bounds);
@@ -156,8 +168,7 @@ impl World {
 
     /// Widens the bounds by a triangle; false where it has no area.
     fn grow_bounds(&mut self, corners: &[Vec3; 3]) -> bool {
-        let area = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
-        if !(area.is_finite() && area.length_squared() > 0.0) {
+        if !has_area(corners) {
             return false;
         }
         let [low, high] = bounds_of(corners.iter().copied());
@@ -225,10 +236,12 @@ impl World {
         self.placement_tree.visit_near(&near, |index, t_max| {
             let Placement { instance, shared, .. } = self.placements[index as usize];
             let local = self.placements[index as usize].local_ray(ray, t_max);
-            let hit = self.shared[shared as usize]
-                .closest(&local, |h| accept(instance, h.triangle, h.barycentrics));
+            let Shared { bvh, triangles } = &self.shared[shared as usize];
+            let hit = bvh.closest(&local, |h| {
+                accept(instance, triangles[h.triangle as usize], h.barycentrics)
+            });
             let Some(h) = hit else { return t_max };
-            let (barycentrics, triangle) = (h.barycentrics, h.triangle);
+            let (barycentrics, triangle) = (h.barycentrics, triangles[h.triangle as usize]);
             best = Some(Hit { t: h.t, barycentrics, instance, triangle });
             h.t
         });
@@ -249,8 +262,10 @@ impl World {
             && self.placement_tree.visit_any(ray, |index| {
                 let placement = &self.placements[index as usize];
                 let local = placement.local_ray(ray, ray.t_max);
-                self.shared[placement.shared as usize].occluded(&local, |h| {
-                    self.stops(ray, placement.instance, h.triangle, h.barycentrics)
+                let Shared { bvh, triangles } = &self.shared[placement.shared as usize];
+                bvh.occluded(&local, |h| {
+                    let triangle = triangles[h.triangle as usize];
+                    self.stops(ray, placement.instance, triangle, h.barycentrics)
                 })
             })
     }
@@ -265,6 +280,12 @@ impl Placement {
             t_max,
         }
     }
+}
+
+/// Whether a triangle has a finite area of its own.
+fn has_area([a, b, c]: &[Vec3; 3]) -> bool {
+    let area = (b - a).cross(c - a);
+    area.is_finite() && area.length_squared() > 0.0
 }
 
 /// The box in the world around a box in object space.

@@ -146,6 +146,20 @@ fn shared_instances_answer_like_copies() {
     }
 }
 
+#[test]
+fn shared_meshes_drop_triangles_without_area() {
+    let mut scene = world_of(&[Affine3A::IDENTITY; 2], Material::default()).scene;
+    let mesh = &mut scene.meshes[0];
+    mesh.positions.extend([Vec3::INFINITY, Vec3::splat(9e3)]);
+    // One that is not finite and one without area, before the square.
+    mesh.triangles.splice(0..0, [[0, 1, 4], [5, 5, 0]]);
+    let shared = World::sharing(scene, |_, _, _| true).expect("triangles");
+    assert_eq!((shared.placements.len(), &shared.shared[0].triangles[..]), (2, &[2, 3][..]));
+    assert!(shared.diagonal() < 2.0);
+    let hit = shared.closest(&toward(3.0)).expect("the square");
+    assert_eq!(hit.triangle, 3);
+}
+
 /// A cube of n³ squares, one per unit of space, turned every which way.
 fn cloud(n: u32) -> Scene {
     let placement = |i: u32| {
