@@ -52,7 +52,7 @@ pub struct SettingArgs {
     #[arg(long = "set", value_name = "PATH=VALUE")]
     pub sets: Vec<String>,
     /// Picture size, e.g. 1280x720
-    #[arg(long, value_name = "WxH")]
+    #[arg(long, value_name = "WxH", allow_hyphen_values = true)]
     pub size: Option<String>,
     /// Seed of the random numbers
     #[arg(long, value_name = "N")]
@@ -76,7 +76,8 @@ pub struct RenderArgs {
     /// Where to compute
     #[arg(long, value_enum, default_value = "auto")]
     pub backend: Backend,
-    /// Also write the lights evaluated per pixel as a false-color picture
+    /// Also write the lights evaluated per pixel as a false-color picture, black for none, pale
+    /// yellow for the most of any pixel
     #[arg(long, value_name = "FILE.png")]
     pub heatmap: Option<PathBuf>,
     /// Settings
@@ -129,19 +130,19 @@ pub struct BenchArgs {
     /// Shots or scenes; default: builtin:atrium
     pub scenes: Vec<String>,
     /// Judge the gather against brute force on this many random receivers instead of timing
-    #[arg(long, value_name = "RECEIVERS")]
+    #[arg(long, value_name = "RECEIVERS", conflicts_with_all = ["rays", "build"])]
     pub quality: Option<usize>,
     /// Measure shadow rays per second over random receivers and virtual lights
-    #[arg(long)]
+    #[arg(long, conflicts_with = "build")]
     pub rays: bool,
     /// Write the triangles and rays of --rays to FILE.tri and FILE.ray (little-endian f32)
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", requires = "rays")]
     pub dump_rays: Option<PathBuf>,
     /// Measure building the grid alone
     #[arg(long)]
     pub build: bool,
     /// Frames to time, after one that is not counted
-    #[arg(long, default_value_t = 5, value_name = "N")]
+    #[arg(long, default_value_t = 5, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub frames: u32,
     /// Settings
     #[command(flatten)]

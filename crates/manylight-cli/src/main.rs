@@ -32,11 +32,19 @@ pub(crate) enum Outcome {
 fn main() -> ExitCode {
     let args = match args::Args::try_parse() {
         Ok(args) => args,
+        Err(e) if e.use_stderr() && !is_missing_command(&e) => {
+            // The first paragraph says what is wrong; usage and tips follow.
+            let text = e.to_string();
+            let lines = text.trim_start_matches("error: ").lines().map(str::trim);
+            let problem: Vec<_> = lines.take_while(|line| !line.is_empty()).collect();
+            let problem: Failure = format!("{}; see --help", problem.join(" ")).into();
+            let _ = writeln!(std::io::stderr(), "manylight: {}", describe(&*problem));
+            return ExitCode::from(EXIT_ERROR);
+        }
         Err(e) => {
-            let code = if e.use_stderr() { ExitCode::from(EXIT_ERROR) } else { ExitCode::SUCCESS };
             // Nothing can be done about a closed terminal.
             let _ = e.print();
-            return code;
+            return if e.use_stderr() { ExitCode::from(EXIT_ERROR) } else { ExitCode::SUCCESS };
         }
     };
     let outcome = match &args.command {
@@ -56,6 +64,11 @@ fn main() -> ExitCode {
             ExitCode::from(EXIT_ERROR)
         }
     }
+}
+
+/// Whether the command line names no command: the answer is the manual.
+fn is_missing_command(error: &clap::Error) -> bool {
+    error.kind() == clap::error::ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand
 }
 
 /// Longest message, characters; names in arguments and files have no limit.

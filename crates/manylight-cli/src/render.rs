@@ -3,7 +3,7 @@
 use crate::args::{Backend, RenderArgs, SettingArgs};
 use crate::{Failure, Outcome, memory, output};
 use indicatif::{ProgressBar, ProgressStyle};
-use manylight::{Frame, Renderer, Settings};
+use manylight::{Frame, Method, Renderer, Settings};
 use manylight_scene::{Camera, MAX_PIXELS, Shot};
 use serde_json::{Value, json};
 use std::io::{IsTerminal, Write};
@@ -20,7 +20,8 @@ pub fn settings(args: &SettingArgs, shot: &Shot) -> Result<Settings, Failure> {
     let mut settings = Settings::preset(args.preset.as_deref().unwrap_or("balanced"))?;
     settings.apply(&shot.settings)?;
     for set in &args.sets {
-        let (path, value) = set.split_once('=').ok_or_else(|| {
+        let named = set.split_once('=').filter(|(path, _)| !path.trim().is_empty());
+        let (path, value) = named.ok_or_else(|| {
             format!("--set {set}: write PATH=VALUE, for example --set grid.alpha=1.5")
         })?;
         settings.set(path.trim(), value)?;
@@ -36,7 +37,7 @@ pub fn size(args: &SettingArgs, camera: &Camera) -> Result<[usize; 2], Failure> 
         return Ok(camera.size_px.map_or(DEFAULT_SIZE, |s| s.map(|v| v as usize)));
     };
     let parse = |s: &str| s.trim().parse::<usize>().ok().filter(|&v| v > 0);
-    let size = text.split_once('x').and_then(|(w, h)| Some([parse(w)?, parse(h)?]));
+    let size = text.split_once(['x', 'X']).and_then(|(w, h)| Some([parse(w)?, parse(h)?]));
     let size = size.filter(|[w, h]| w.checked_mul(*h).is_some_and(|n| n <= MAX_PIXELS));
     let problem =
         format!("write WIDTHxHEIGHT of at most {MAX_PIXELS} pixels, for example 1280x720");
@@ -69,6 +70,9 @@ pub fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     output::check(&args.output, &["exr", "png", "pfm"])?;
     output::check(args.heatmap.as_slice(), &["png"])?;
     output::check_distinct(args.output.iter().chain(&args.heatmap))?;
+    if args.quiet && !args.json && args.output.is_empty() && args.heatmap.is_none() {
+        return Err("--quiet without -o would leave nothing; name a file".into());
+    }
     if args.backend == Backend::Gpu {
         return Err("this build has no GPU backend; use --backend cpu".into());
     }
@@ -78,6 +82,9 @@ pub fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     let mut settings = settings(&args.settings, &shot)?;
     if let Some(method) = &args.method {
         settings.set("method", method)?;
+    }
+    if args.heatmap.is_some() && settings.method == Method::Path {
+        return Err("--heatmap: paths evaluate no virtual lights; leave it out".into());
     }
     let size = size(&args.settings, &shot.camera)?;
     memory::check_render(size, &settings)?;

@@ -103,6 +103,7 @@ fn the_same_seed_writes_the_same_picture_at_any_thread_count() {
 fn bad_input_is_one_sentence_and_exit_code_2() {
     let folder = Folder::new("bad");
     let out = folder.file("out.png");
+    let heat = folder.file("heat.png");
     let unknown_key = folder.write("key.json", r#"{"scene":"builtin:cornell","camra":{}}"#);
     let unknown_setting =
         folder.write("set.json", r#"{"scene":"builtin:cornell","settings":{"grid":{"alfa":1}}}"#);
@@ -160,6 +161,14 @@ fn bad_input_is_one_sentence_and_exit_code_2() {
         (vec!["render", cornell, "-o", &out, "--set", "grid.al\nfa\u{1b}[2J=1"], "unknown"),
         (vec!["render", cornell, "-o", &out, "--method", "a\nb"], "one of `grid`"),
         (vec!["render", cornell, "-o", &out, "--backend", "gpu"], "--backend cpu"),
+        (vec!["render", cornell, "--quiet"], "name a file"),
+        (vec!["render", cornell, "--heatmap", &heat, "--method", "path"], "--heatmap"),
+        (vec!["render", cornell, "-o", &out, "--set", "=5"], "PATH=VALUE"),
+        (vec!["render", cornell, "-o", &out, "--size", "-5x10"], "--size -5x10"),
+        (vec!["bench", cornell, "--dump-rays", &dumped], "--rays"),
+        (vec!["render", cornell, "--no-such"], "--no-such"),
+        (vec!["bench", cornell, "--frames", "0"], "0 is not in 1..=10000"),
+        (vec!["bench", cornell, "--quality", "9", "--rays"], "cannot be used with"),
         (vec!["compare", "no-a.exr", "no-b.exr"], "no-a.exr"),
         (vec!["compare", &dark, &text_file], "text.exr"),
         (vec!["compare", &dark, &own_folder], "directory"),
@@ -172,7 +181,7 @@ fn bad_input_is_one_sentence_and_exit_code_2() {
         (vec!["info", &empty], "empty.glb"),
         (vec!["bench", cornell, "--quality", "0"], "use 1 to"),
         (vec!["bench", cornell, "--quality", "18446744073709551615"], "use 1 to"),
-        (vec!["bench", cornell, "--dump-rays", &dumped], "folder"),
+        (vec!["bench", cornell, "--rays", "--dump-rays", &dumped], "folder"),
         (vec!["bench", cornell, "--set", "vpls.bounces=0"], "vpls.bounces"),
     ];
     for (args, expected) in cases {

@@ -227,7 +227,7 @@ impl Settings {
             _ => {
                 return Err(setting(
                     "preset",
-                    format!("no preset {name:?}; use one of {PRESETS:?}"),
+                    format!("no preset {name:?}; use one of {}", PRESETS.join(", ")),
                 ));
             }
         }
@@ -261,12 +261,13 @@ impl Settings {
     /// Says what is allowed where `value` is not; `reason` names the type or the choices.
     fn wrong_value(&self, path: &str, value: &Value, reason: &str) -> Error {
         let range = self.ranges().into_iter().find(|r| r.0 == path);
-        let allowed = match (range, reason.split_once("one of ")) {
+        let choices = reason.starts_with("unknown variant").then(|| reason.split_once("expected "));
+        let allowed = match (range, choices.flatten()) {
             (Some((_, _, low, high)), _) if reason.ends_with("u32") => {
                 format!("a whole number from {low} to {high}")
             }
             (Some((_, _, low, high)), _) => format!("a number from {low} to {high}"),
-            (None, Some((_, choices))) => format!("one of {choices}"),
+            (None, Some((_, choices))) => choices.to_owned(),
             (None, None) if reason.ends_with("a boolean") => "true or false".to_owned(),
             (None, None) => "a name".to_owned(),
         };
@@ -416,6 +417,7 @@ mod tests {
             ("grid.alpha", "[1]", "a number from 0.25 to 16"),
             ("seed", "-1", "a whole number from 0 to 4294967295"),
             ("filter.enabled", "1", "allowed: true or false"),
+            ("shadow.target", "foo", "shadow.target: \"foo\" found; allowed: `vpl` or `variance`"),
             ("method", "magic", "method: \"magic\" found; allowed: one of `grid`, `brute`"),
             ("shadow.target", "3", "shadow.target"),
         ];
