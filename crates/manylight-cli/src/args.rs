@@ -142,7 +142,8 @@ pub struct BenchArgs {
     #[arg(long)]
     pub build: bool,
     /// Frames to time, after one that is not counted
-    #[arg(long, default_value_t = 5, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    #[arg(long, default_value_t = 5, value_name = "N")]
+    #[arg(value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub frames: u32,
     /// Settings
     #[command(flatten)]
