@@ -4,7 +4,7 @@
 //! In: boxes · Out: [`BoxTree`], the boxes along a ray
 //! Paper: `[Wald14]` for wide nodes and triangle packs, `[Ylitie17]` for collapsing a binary tree
 //! (built by obvhs, PLOC) to them, `[IzeHansen11]` for the order of children.
-//! Limits: at most [`MAX_COUNT`] triangles or boxes and 72 levels; bounds are not refitted.
+//! Limits: at most 2³¹ − 1 triangles or boxes and 72 levels; bounds are not refitted.
 
 mod balanced;
 mod boxes;
