@@ -10,6 +10,13 @@ use std::io::Write;
 pub fn run(args: &CompareArgs) -> Result<Outcome, Failure> {
     output::check(args.output.as_slice(), &["png"])?;
     check_limits(args)?;
+    let [is_png, other_is_png] = [&args.a, &args.b]
+        .map(|path| path.extension().is_some_and(|end| end.eq_ignore_ascii_case("png")));
+    if is_png != other_is_png {
+        let (a, b) = (args.a.display(), args.b.display());
+        let problem = "one is tone-mapped, the other linear; render both as one kind";
+        return Err(format!("cannot compare {a} with {b}: {problem}").into());
+    }
     let (a, b) = (read_picture(&args.a)?, read_picture(&args.b)?);
     let (a, b) = (layer(&a, args, &args.a)?, layer(&b, args, &args.b)?);
     let errors = compare(a, b)?;

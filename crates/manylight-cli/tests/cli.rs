@@ -81,6 +81,9 @@ fn render_and_compare_go_together() {
     assert!(manylight(&[&args[..], &QUICK].concat()).status.success());
     let worse = manylight(&["compare", &other, &exr, "--max-bias", "0.01"]);
     assert_eq!(worse.status.code(), Some(1), "{}", text(&worse.stdout));
+    let mixed = manylight(&["compare", &png, &exr]);
+    assert_eq!(mixed.status.code(), Some(2));
+    assert!(text(&mixed.stderr).contains("tone-mapped"), "{}", text(&mixed.stderr));
     let layer = manylight(&["compare", &exr, &exr, "--layer", "glory"]);
     assert_eq!(layer.status.code(), Some(2));
     assert!(text(&layer.stderr).contains("shadow_ratio"), "{}", text(&layer.stderr));
