@@ -191,9 +191,6 @@ group! {
     }
 }
 
-/// Least and most alpha that is chosen for a number of lights.
-pub(crate) const MIN_AUTO_ALPHA: f32 = 0.5;
-pub(crate) const MAX_AUTO_ALPHA: f32 = 4.0;
 /// Fewest levels of a lighting grid: one cell of level 1 in eight.
 pub const MIN_LEVELS: u32 = 2;
 /// Most levels of a lighting grid.

@@ -67,11 +67,12 @@ fn plain_lanes_and_registers_give_the_same_bits() {
     let mut met = 0;
     for i in 0..2000 {
         let ray = random_ray(i);
-        let mut leaves = triangles::Nearest { packs: &bvh.packs, accept: |_: &_| true, best: None };
+        let mut leaves =
+            triangles::Hits::<_, false> { packs: &bvh.packs, accept: |_: &_| true, nearest: None };
         traverse::visit_near_lanes::<lanes::Plain>((), &bvh.nodes, &ray, &mut leaves);
         let bits = |h: RayHit| (h.triangle, [h.t, h.barycentrics[0], h.barycentrics[1]]);
-        assert_eq!(leaves.best.map(bits), bvh.closest(&ray, |_| true).map(bits));
-        met += u32::from(leaves.best.is_some());
+        assert_eq!(leaves.nearest.map(bits), bvh.closest(&ray, |_| true).map(bits));
+        met += u32::from(leaves.nearest.is_some());
     }
     assert!(met > 1000);
 }
@@ -90,7 +91,7 @@ fn plain_lanes_and_registers_ask_about_the_same_triangles_in_turn() {
             plain.push(bits(h));
             false
         };
-        let mut leaves = triangles::Any { packs: &bvh.packs, accept };
+        let mut leaves = triangles::Hits::<_, true> { packs: &bvh.packs, accept, nearest: None };
         let ends = traverse::visit_any_lanes::<lanes::Plain>((), &bvh.nodes, &ray, &mut leaves);
         let found = bvh.occluded(&ray, |h| {
             registers.push(bits(h));

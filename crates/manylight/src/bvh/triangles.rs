@@ -25,9 +25,9 @@ impl Bvh {
     /// `accept` is asked only about triangles that are not opaque.
     #[inline]
     pub fn closest(&self, ray: &Ray, accept: impl FnMut(&RayHit) -> bool) -> Option<RayHit> {
-        let mut leaves = Nearest { packs: &self.packs, accept, best: None };
-        visit_near(&self.nodes, ray, &mut leaves);
-        leaves.best
+        let mut hits = Hits::<_, false> { packs: &self.packs, accept, nearest: None };
+        visit_near(&self.nodes, ray, &mut hits);
+        hits.nearest
     }
 
     /// Whether any triangle that `accept` agrees to stops the ray.
@@ -35,55 +35,43 @@ impl Bvh {
     /// `accept` is asked only about triangles that are not opaque.
     #[inline]
     pub fn occluded(&self, ray: &Ray, accept: impl FnMut(&RayHit) -> bool) -> bool {
-        visit_any(&self.nodes, ray, &mut Any { packs: &self.packs, accept })
+        let mut hits = Hits::<_, true> { packs: &self.packs, accept, nearest: None };
+        visit_any(&self.nodes, ray, &mut hits)
     }
 }
 
-pub(super) struct Nearest<'a, F> {
+/// Meets triangles until the nearest is found, or `ANY`.
+pub(super) struct Hits<'a, F, const ANY: bool> {
     pub packs: &'a [Pack],
     pub accept: F,
-    pub best: Option<RayHit>,
+    pub nearest: Option<RayHit>,
 }
 
-impl<F: FnMut(&RayHit) -> bool> Leaves for Nearest<'_, F> {
+impl<F: FnMut(&RayHit) -> bool, const ANY: bool> Leaves for Hits<'_, F, ANY> {
     #[inline(always)]
     fn meet<V: Vector>(&mut self, leaf: usize, ray: &Prepared<V>, t_max: &mut f32) -> bool {
         let pack = &self.packs[leaf];
         let (mask, values) = intersect_pack(pack, ray, *t_max);
         if mask == 0 {
             return false;
+        }
+        if ANY && mask & opaque_lanes(pack) != 0 {
+            return true;
         }
         let values = [values[0].to_lanes(), values[1].to_lanes(), values[2].to_lanes()];
         for lane in lanes_of(mask) {
             let hit = hit_in(pack, lane, &values);
-            let is_opaque = pack.id[lane] & OPAQUE != 0;
+            // Of any opaque one it is known by now.
+            let is_opaque = !ANY && pack.id[lane] & OPAQUE != 0;
             if hit.t < *t_max && (is_opaque || (self.accept)(&hit)) {
+                if ANY {
+                    return true;
+                }
                 *t_max = hit.t;
-                self.best = Some(hit);
+                self.nearest = Some(hit);
             }
         }
         false
-    }
-}
-
-pub(super) struct Any<'a, F> {
-    pub packs: &'a [Pack],
-    pub accept: F,
-}
-
-impl<F: FnMut(&RayHit) -> bool> Leaves for Any<'_, F> {
-    #[inline(always)]
-    fn meet<V: Vector>(&mut self, leaf: usize, ray: &Prepared<V>, t_max: &mut f32) -> bool {
-        let pack = &self.packs[leaf];
-        let (mask, values) = intersect_pack(pack, ray, *t_max);
-        if mask == 0 {
-            return false;
-        }
-        if mask & opaque_lanes(pack) != 0 {
-            return true;
-        }
-        let values = [values[0].to_lanes(), values[1].to_lanes(), values[2].to_lanes()];
-        lanes_of(mask).any(|lane| (self.accept)(&hit_in(pack, lane, &values)))
     }
 }
 

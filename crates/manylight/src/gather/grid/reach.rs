@@ -6,7 +6,7 @@
 use super::record::LightingGrid;
 use super::tiles::{Bounds, collect, shells};
 use super::walk::{Row, TileList};
-use crate::settings::{MAX_AUTO_ALPHA, MIN_AUTO_ALPHA, Settings};
+use crate::settings::Settings;
 use crate::surface::{Receivers, SurfacePoint};
 use rayon::prelude::*;
 
@@ -15,6 +15,8 @@ const ASKED: usize = 128;
 /// Most corrections of alpha, and how near the number must be to end them.
 const STEPS: u32 = 6;
 const NEAR_ENOUGH: f32 = 0.01;
+/// Least and most alpha that is chosen.
+const ALPHAS: [f32; 2] = [0.5, 4.0];
 /// Number of lights ∝ alpha to this power, about: between surfaces (2) and the levels' sum (1).
 const GROWTH: f32 = 1.6;
 
@@ -42,7 +44,7 @@ pub(super) fn choose_alpha(grid: &LightingGrid, receivers: &Receivers, settings:
         if (wanted - 1.0).abs() < NEAR_ENOUGH {
             break;
         }
-        alpha = (alpha * wanted.powf(1.0 / GROWTH)).clamp(MIN_AUTO_ALPHA, MAX_AUTO_ALPHA);
+        alpha = (alpha * wanted.powf(1.0 / GROWTH)).clamp(ALPHAS[0], ALPHAS[1]);
     }
     alpha
 }

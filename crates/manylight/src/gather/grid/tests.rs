@@ -216,6 +216,45 @@ fn alpha_gives_the_number_of_lights_asked_for() {
     assert_eq!(reach::choose_alpha(&grid, &picture(8, 8), &settings), 1.25);
 }
 
+/// Blending by the distance of mean positions counts near lights too often.
+#[test]
+fn a_spread_that_shortens_the_distance_brings_the_sum_nearer_to_the_truth() {
+    let floor: Vec<Vpl> = (0..20_000)
+        .map(|i| {
+            let [x, z] = Sequence::new(41, i).next_2d();
+            Vpl { position: Vec3::new(x, 0.0, z), normal: Vec3::Y, intensity: Vec3::ONE }
+        })
+        .collect();
+    let settings = crate::settings::Settings::default();
+    let grid = LightingGrid::build(&floor, &settings.grid, 0.01);
+    let shells = tiles::shells(&grid, 1.2);
+    let (mut sum, mut plain, mut truth) = (0.0, 0.0, 0.0);
+    for i in 0..60 {
+        let mut s = Sequence::new(43, i);
+        let [x, z] = s.next_2d();
+        let position = Vec3::new(x, 0.05 + 0.45 * s.next_1d(), z);
+        let ns = uniform_sphere(s.next_2d());
+        let ns = Vec3::new(ns.x, -ns.y.abs(), ns.z);
+        let (albedo, emission) = (Vec3::ONE, Vec3::ZERO);
+        let surface = SurfacePoint { position, ng: ns, ns, albedo, emission, unlit: false };
+        let bounds = tiles::Bounds::of(std::iter::once(&surface)).expect("a receiver");
+        let mut list = Vec::new();
+        tiles::collect(&grid, &shells, &settings, &bounds, &mut list);
+        for light in list {
+            let offset = (Vec3::from(light.position) - position).to_array();
+            let term = contribution::geometry::<false>(&light, offset, ns.to_array(), 1e-4);
+            let term = f64::from(term * light.intensity[1]);
+            sum += term * f64::from(light.blend::<false>(offset));
+            let light = tiles::TileLight { nearer: 0.0, ..light };
+            plain += term * f64::from(light.blend::<false>(offset));
+        }
+        let term = |l: &Vpl| crate::vlight::vpl::geometry(l.position, l.normal, position, ns, 1e-4);
+        truth += floor.iter().map(|l| f64::from(term(l))).sum::<f64>();
+    }
+    let (error, plain_error) = (sum / truth - 1.0, plain / truth - 1.0);
+    assert!(error.abs() < 0.5 * plain_error && plain_error > 0.03, "{error} {plain_error}");
+}
+
 #[test]
 fn degenerate_sets_build() {
     let settings = GridSettings::default();
