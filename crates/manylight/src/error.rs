@@ -20,4 +20,10 @@ pub enum Error {
         /// What is wrong and what to do.
         problem: String,
     },
+    /// The graphics device cannot do it.
+    #[error("graphics device: {problem}")]
+    Device {
+        /// What is wrong and what to do.
+        problem: String,
+    },
 }

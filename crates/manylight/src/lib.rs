@@ -19,6 +19,8 @@
 // Basement: used by all, knows no light transport.
 pub mod error;
 pub mod settings;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 pub mod math;
 // The ground: what is where.
 pub mod bvh;

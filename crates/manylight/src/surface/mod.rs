@@ -3,6 +3,8 @@
 //! In: [`World`], camera · Out: [`SurfacePoint`], [`Receivers`]
 //! Limits: Lambertian with the base color, whatever the metalness.
 
+#[cfg(feature = "gpu")]
+pub mod gpu;
 mod receivers;
 
 pub use receivers::{PixelSample, Receivers, ViewFrame};

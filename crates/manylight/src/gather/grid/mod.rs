@@ -10,6 +10,8 @@ mod build;
 mod cells;
 mod contribution;
 mod draw;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 mod reach;
 mod record;
 mod sample;

@@ -3,6 +3,8 @@
 //! In: world and emitters · Out: [`VplSet`] · Paper: `[Keller97]`, [Dachsbacher14, Sec. 3]
 //! Limits: Lambertian; the distance clamp removes energy near corners.
 
+#[cfg(feature = "gpu")]
+pub mod gpu;
 mod trace;
 
 pub use trace::{trace, trace_emitters};

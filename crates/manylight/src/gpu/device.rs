@@ -1,0 +1,407 @@
+//! Opening a device, its pipelines, and reading back from it.
+
+use super::recorder::{Arena, Recorder};
+use super::{Buf, KernelInfo, Record, SHADERS, link};
+use crate::error::Error;
+use std::collections::HashMap;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// How to open a device.
+#[derive(Clone, Debug, Default)]
+pub struct GpuOptions {
+    /// Part of the adapter's name, in any case; `None`: the fastest.
+    pub adapter: Option<String>,
+    /// Takes only what every device has: `wgpu::Limits::defaults()` and no timestamps.
+    pub base: bool,
+    /// Whether a device that is emulated on the processor will do.
+    pub software: bool,
+}
+
+/// A device of this machine.
+#[derive(Clone, Debug)]
+pub struct AdapterDescription {
+    /// Name as the driver gives it.
+    pub name: String,
+    /// `discrete`, `integrated`, `virtual`, `software` or `other`.
+    pub kind: &'static str,
+    /// Graphics interface: `vulkan`, `metal`, `dx12`.
+    pub backend: String,
+    /// Driver and its version.
+    pub driver: String,
+    /// Largest list that one kernel can see, bytes.
+    pub max_binding: u64,
+    /// Largest buffer, bytes.
+    pub max_buffer: u64,
+    /// Memory of a workgroup, bytes.
+    pub workgroup_memory: u32,
+    /// Whether stages can be timed on the device.
+    pub timestamps: bool,
+    /// Whether it has subgroup operations.
+    pub subgroups: bool,
+    /// Whether it has hardware ray queries.
+    pub ray_queries: bool,
+    /// What it lacks to render; `None` if nothing.
+    pub lacks: Option<String>,
+}
+
+/// An open device.
+#[derive(Debug)]
+pub struct Gpu {
+    device: wgpu::Device,
+    queue: wgpu::Queue,
+    /// Name of the adapter and its driver.
+    name: String,
+    scene_layout: wgpu::BindGroupLayout,
+    pipelines: Mutex<HashMap<&'static str, wgpu::ComputePipeline>>,
+    arenas: Mutex<Vec<Arena>>,
+    bytes_held: Arc<AtomicU64>,
+    /// The first thing that went wrong on the device.
+    problem: Arc<Mutex<Option<String>>>,
+}
+
+/// Every device of this machine, whether it will do or not.
+pub fn describe_adapters() -> Vec<AdapterDescription> {
+    adapters().iter().map(describe).collect()
+}
+
+fn adapters() -> Vec<wgpu::Adapter> {
+    let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle_from_env();
+    // A kernel's own arguments for indirect dispatches are trusted: they are clamped where written.
+    descriptor.flags.remove(wgpu::InstanceFlags::VALIDATION_INDIRECT_CALL);
+    let instance = wgpu::Instance::new(descriptor);
+    pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY))
+}
+
+fn describe(adapter: &wgpu::Adapter) -> AdapterDescription {
+    let (info, limits, features) = (adapter.get_info(), adapter.limits(), adapter.features());
+    let kind = match info.device_type {
+        wgpu::DeviceType::DiscreteGpu => "discrete",
+        wgpu::DeviceType::IntegratedGpu => "integrated",
+        wgpu::DeviceType::VirtualGpu => "virtual",
+        wgpu::DeviceType::Cpu => "software",
+        wgpu::DeviceType::Other => "other",
+    };
+    let mut lacks = Vec::new();
+    wgpu::Limits::defaults().check_limits_with_fail_fn(&limits, false, |name, wanted, found| {
+        lacks.push(format!("{name} of {wanted} (it has {found})"));
+    });
+    AdapterDescription {
+        name: info.name,
+        kind,
+        backend: info.backend.to_string(),
+        driver: format!("{} {}", info.driver, info.driver_info).trim().to_owned(),
+        max_binding: limits.max_storage_buffer_binding_size.into(),
+        max_buffer: limits.max_buffer_size,
+        workgroup_memory: limits.max_compute_workgroup_storage_size,
+        timestamps: features.contains(wgpu::Features::TIMESTAMP_QUERY),
+        subgroups: features.contains(wgpu::Features::SUBGROUP),
+        ray_queries: features.contains(wgpu::Features::EXPERIMENTAL_RAY_QUERY),
+        lacks: (!lacks.is_empty()).then(|| lacks.join(", ")),
+    }
+}
+
+/// How soon an adapter is chosen: lower is sooner.
+fn rank(adapter: &AdapterDescription) -> u32 {
+    match adapter.kind {
+        "discrete" => 0,
+        "integrated" => 1,
+        "virtual" => 2,
+        "other" => 3,
+        _ => 4,
+    }
+}
+
+impl Gpu {
+    /// Opens a device.
+    ///
+    /// Errors: no adapter, none of that name, or what the chosen one lacks
+    pub fn open(options: &GpuOptions) -> Result<Self, Error> {
+        let mut found: Vec<_> = adapters().into_iter().map(|a| (describe(&a), a)).collect();
+        found.sort_by_key(|(description, _)| rank(description));
+        let names = found.iter().map(|(d, _)| d.name.as_str()).collect::<Vec<_>>().join(", ");
+        let wanted = options.adapter.as_deref().unwrap_or("").to_lowercase();
+        let is_wanted = |d: &AdapterDescription| {
+            d.name.to_lowercase().contains(&wanted) && (options.software || d.kind != "software")
+        };
+        let chosen = found.into_iter().find(|(d, _)| is_wanted(d));
+        let (description, adapter) = chosen.ok_or_else(|| {
+            device(match (names.as_str(), wanted.as_str()) {
+                ("", _) => "no graphics device found; install its Vulkan, Metal or DirectX 12 \
+                            driver, or render with --backend cpu"
+                    .to_owned(),
+                (names, "") => {
+                    format!("no graphics device beside {names}; render with --backend cpu")
+                }
+                (names, wanted) => {
+                    format!("no graphics device with {wanted:?} in its name; found: {names}")
+                }
+            })
+        })?;
+        if let Some(lacks) = &description.lacks {
+            let problem = format!("{} lacks {lacks}; render with --backend cpu", description.name);
+            return Err(device(problem));
+        }
+        let (mut limits, mut features) = (wgpu::Limits::defaults(), wgpu::Features::empty());
+        if !options.base {
+            let most = adapter.limits();
+            limits.max_storage_buffer_binding_size = most.max_storage_buffer_binding_size;
+            limits.max_buffer_size = most.max_buffer_size;
+            features = adapter.features() & wgpu::Features::TIMESTAMP_QUERY;
+        }
+        let opened = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
+            label: Some("manylight"),
+            required_features: features,
+            required_limits: limits,
+            ..Default::default()
+        }));
+        let (raw, queue) =
+            opened.map_err(|e| device(format!("{} does not open: {e}", description.name)))?;
+        Ok(Self::from_device(raw, queue, format!("{}, {}", description.name, description.driver)))
+    }
+
+    /// Takes a device that someone else opened, with at least `wgpu::Limits::defaults()`.
+    pub fn from_device(device: wgpu::Device, queue: wgpu::Queue, name: String) -> Self {
+        let problem = Arc::new(Mutex::new(None));
+        let keep = |problem: &Arc<Mutex<Option<String>>>| {
+            let problem = problem.clone();
+            move |text: String| {
+                let mut first = problem.lock().unwrap_or_else(PoisonError::into_inner);
+                first.get_or_insert(text);
+            }
+        };
+        let (keep_error, keep_loss) = (keep(&problem), keep(&problem));
+        device.on_uncaptured_error(Arc::new(move |e: wgpu::Error| keep_error(one_line(&e))));
+        device.set_device_lost_callback(move |reason, text| {
+            if reason != wgpu::DeviceLostReason::Destroyed {
+                keep_loss(format!("the device was lost: {text}"));
+            }
+        });
+        let scene_layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some("scene"),
+            entries: &scene_entries(),
+        });
+        Self {
+            device,
+            queue,
+            name,
+            scene_layout,
+            pipelines: Mutex::default(),
+            arenas: Mutex::default(),
+            bytes_held: Arc::default(),
+            problem,
+        }
+    }
+
+    /// The device behind it.
+    pub fn device(&self) -> &wgpu::Device {
+        &self.device
+    }
+
+    /// Its queue.
+    pub fn queue(&self) -> &wgpu::Queue {
+        &self.queue
+    }
+
+    /// Name of the adapter and its driver.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Bytes of all buffers that are held at present.
+    pub fn bytes(&self) -> u64 {
+        self.bytes_held.load(Ordering::Relaxed)
+    }
+
+    pub(super) fn bytes_held(&self) -> Arc<AtomicU64> {
+        self.bytes_held.clone()
+    }
+
+    /// Keeps account of memory that is no [`Buf`].
+    pub fn count_bytes(&self, bytes: u64) {
+        self.bytes_held.fetch_add(bytes, Ordering::Relaxed);
+    }
+
+    /// Layout of group 1: the scene's records and textures.
+    pub fn scene_layout(&self) -> &wgpu::BindGroupLayout {
+        &self.scene_layout
+    }
+
+    /// A buffer of zeros.
+    ///
+    /// Errors: more bytes than one binding of this device may have
+    pub fn buffer<T: Record>(&self, name: &'static str, len: usize) -> Result<Buf<T>, Error> {
+        let limits = self.device.limits();
+        let most = u64::from(limits.max_storage_buffer_binding_size).min(limits.max_buffer_size);
+        let needed = (len as u64).saturating_mul(size_of::<T>() as u64);
+        if needed > most {
+            return Err(device(format!(
+                "the list of {name} needs {needed} bytes, and {} allows {most} in one; render \
+                 with fewer virtual lights or pixels, or with --backend cpu",
+                self.name
+            )));
+        }
+        Ok(Buf::new(self, name, len))
+    }
+
+    /// A buffer that holds some records.
+    ///
+    /// Errors: as [`Gpu::buffer`]
+    pub fn upload<T: Record>(&self, name: &'static str, items: &[T]) -> Result<Buf<T>, Error> {
+        let buffer = self.buffer(name, items.len())?;
+        self.write(&buffer, items);
+        Ok(buffer)
+    }
+
+    /// Overwrites the first records of a buffer, before any work submitted later.
+    pub fn write<T: Record>(&self, buffer: &Buf<T>, items: &[T]) {
+        if !items.is_empty() {
+            self.queue.write_buffer(buffer.raw(), 0, bytemuck::cast_slice(items));
+        }
+    }
+
+    /// Waits for the device and copies the first `count` records of a buffer back.
+    ///
+    /// Errors: what the device reported
+    pub fn read<T: Record>(&self, buffer: &Buf<T>, count: usize) -> Result<Vec<T>, Error> {
+        let count = count.min(buffer.len());
+        if count == 0 {
+            return Ok(Vec::new());
+        }
+        let size = ((count * size_of::<T>()) as u64).next_multiple_of(4);
+        let mapped = self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("read back"),
+            size,
+            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let mut encoder = self.device.create_command_encoder(&Default::default());
+        encoder.copy_buffer_to_buffer(buffer.raw(), 0, &mapped, 0, size);
+        self.queue.submit([encoder.finish()]);
+        self.read_mapped(&mapped, count * size_of::<T>())
+    }
+
+    /// Waits for the device and reads the first bytes of a mappable buffer as records.
+    pub(super) fn read_mapped<T: bytemuck::Pod>(
+        &self,
+        mapped: &wgpu::Buffer,
+        bytes: usize,
+    ) -> Result<Vec<T>, Error> {
+        if bytes == 0 {
+            return Ok(Vec::new());
+        }
+        let slice = mapped.slice(..(bytes as u64).next_multiple_of(4));
+        slice.map_async(wgpu::MapMode::Read, |_| ());
+        self.wait()?;
+        let view = slice.get_mapped_range().map_err(|e| device(one_line(&e)))?;
+        let mut items = vec![T::zeroed(); bytes / size_of::<T>()];
+        bytemuck::cast_slice_mut(&mut items).copy_from_slice(&view[..bytes]);
+        drop(view);
+        mapped.unmap();
+        Ok(items)
+    }
+
+    /// Waits until all submitted work is done.
+    ///
+    /// Errors: what the device reported since it was opened
+    pub fn wait(&self) -> Result<(), Error> {
+        let polled = self.device.poll(wgpu::PollType::wait_indefinitely());
+        if let Err(e) = polled {
+            return Err(device(format!("{}: {}", self.name, one_line(&e))));
+        }
+        self.check()
+    }
+
+    /// Errors: the first thing that went wrong on the device
+    pub fn check(&self) -> Result<(), Error> {
+        match &*self.problem.lock().unwrap_or_else(PoisonError::into_inner) {
+            None => Ok(()),
+            Some(problem) => Err(device(format!("{}: {problem}", self.name))),
+        }
+    }
+
+    /// A recorder of one submission; `scene` is what kernels find in group 1.
+    pub fn record<'g>(&'g self, scene: Option<&'g wgpu::BindGroup>) -> Recorder<'g> {
+        Recorder::new(self, scene)
+    }
+
+    pub(super) fn take_arena(&self) -> Arena {
+        let kept = self.arenas.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        kept.unwrap_or_else(|| Arena::new(self))
+    }
+
+    pub(super) fn return_arena(&self, arena: Arena) {
+        self.arenas.lock().unwrap_or_else(PoisonError::into_inner).push(arena);
+    }
+
+    /// The pipeline of a kernel, built when it is first asked for.
+    ///
+    /// Panics: where a shader does not link, which a test rules out
+    pub(super) fn pipeline(&self, kernel: &'static KernelInfo) -> wgpu::ComputePipeline {
+        let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
+        pipelines.entry(kernel.shader).or_insert_with(|| self.build(kernel)).clone()
+    }
+
+    fn build(&self, kernel: &KernelInfo) -> wgpu::ComputePipeline {
+        let label = Some(kernel.shader);
+        let text = link(kernel, SHADERS).expect("a test links every shader");
+        let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label,
+            source: wgpu::ShaderSource::Wgsl(text.into()),
+        });
+        let stage_layout = self.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label,
+            entries: &kernel.layout_entries(),
+        });
+        let layouts = [Some(&stage_layout), Some(&self.scene_layout)];
+        let layout = self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label,
+            bind_group_layouts: if kernel.scene { &layouts } else { &layouts[..1] },
+            immediate_size: 0,
+        });
+        self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label,
+            layout: Some(&layout),
+            module: &module,
+            entry_point: Some("main"),
+            compilation_options: Default::default(),
+            cache: None,
+        })
+    }
+}
+
+/// Group 1 of kernels that trace rays: uniform, nodes, triangles, geometry, sources, textures.
+fn scene_entries() -> [wgpu::BindGroupLayoutEntry; 6] {
+    let entry = |binding, ty| wgpu::BindGroupLayoutEntry {
+        binding,
+        visibility: wgpu::ShaderStages::COMPUTE,
+        ty,
+        count: None,
+    };
+    let buffer =
+        |ty| wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None };
+    let list = || buffer(wgpu::BufferBindingType::Storage { read_only: true });
+    let textures = wgpu::BindingType::Texture {
+        sample_type: wgpu::TextureSampleType::Uint,
+        view_dimension: wgpu::TextureViewDimension::D2Array,
+        multisampled: false,
+    };
+    [
+        entry(0, buffer(wgpu::BufferBindingType::Uniform)),
+        entry(1, list()),
+        entry(2, list()),
+        entry(3, list()),
+        entry(4, list()),
+        entry(5, textures),
+    ]
+}
+
+fn device(problem: String) -> Error {
+    Error::Device { problem }
+}
+
+/// A message of several lines in one.
+fn one_line(error: &dyn std::error::Error) -> String {
+    let text = error.to_string();
+    text.lines().map(str::trim).filter(|l| !l.is_empty()).collect::<Vec<_>>().join(" ")
+}

@@ -1,0 +1,41 @@
+//! The graphics device: typed buffers, linked shaders, recorded dispatches, stage times.
+//!
+//! In: an adapter of this machine, or an engine's device and queue · Out: [`Gpu`], [`Buf`],
+//! [`Recorder`]
+//! Knows no light transport. Kernels are declared by [`kernel!`](crate::gpu::kernel) in the `gpu.rs`
+//! of their room, records they share with Rust by [`record!`](crate::gpu::record); a test compares
+//! both with the shaders.
+//! Limits: `wgpu::Limits::defaults()` and no optional feature is enough.
+
+mod buffer;
+mod device;
+mod kernel;
+mod linker;
+mod recorder;
+pub mod scan;
+mod shaders;
+#[cfg(test)]
+pub(crate) mod testing;
+mod timer;
+
+pub(crate) use buffer::record;
+pub use buffer::{Buf, Record};
+pub use device::{AdapterDescription, Gpu, GpuOptions, describe_adapters};
+pub(crate) use kernel::kernel;
+pub use kernel::{Access, Constant, Kernel, KernelInfo, Port, Value};
+pub use linker::link;
+pub use recorder::{Recorder, Uniform};
+pub use shaders::SHADERS;
+pub use timer::StageTime;
+
+/// Items that one workgroup of a kernel over a list works on.
+pub const GROUP: u32 = 256;
+/// Most workgroups along one dimension of a dispatch.
+pub const MAX_GROUPS: u32 = 65_535;
+
+/// Every kernel of this room.
+#[cfg(test)]
+pub(crate) const KERNELS: &[&KernelInfo] = scan::KERNELS;
+
+#[cfg(test)]
+mod tests;

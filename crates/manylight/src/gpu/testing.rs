@@ -1,0 +1,103 @@
+//! The device of the tests.
+
+use super::{Access, Gpu, GpuOptions, KernelInfo, SHADERS, link};
+use std::sync::OnceLock;
+use wgpu::naga;
+
+/// A device with no more than every device has; `None`, with a printed reason, where there is
+/// none. With `MANYLIGHT_REQUIRE_GPU=1` that is a failure.
+pub(crate) fn device() -> Option<&'static Gpu> {
+    static DEVICE: OnceLock<Option<Gpu>> = OnceLock::new();
+    let open = || {
+        let options = GpuOptions { base: true, software: true, ..GpuOptions::default() };
+        match Gpu::open(&options) {
+            Ok(gpu) => Some(gpu),
+            Err(reason) if std::env::var_os("MANYLIGHT_REQUIRE_GPU").is_some_and(|v| v == "1") => {
+                panic!("tests on a graphics device are required: {reason}")
+            }
+            Err(reason) => {
+                eprintln!("skipped: tests on a graphics device: {reason}");
+                None
+            }
+        }
+    };
+    DEVICE.get_or_init(open).as_ref()
+}
+
+/// Links, parses and validates a kernel, and compares ports, records and workgroup with it.
+pub(crate) fn check_kernel(kernel: &KernelInfo) {
+    let name = kernel.shader;
+    let text = link(kernel, SHADERS).unwrap_or_else(|e| panic!("{name}: {e}"));
+    let module = naga::front::wgsl::parse_str(&text)
+        .unwrap_or_else(|e| panic!("{name}: {}", e.emit_to_string(&text)));
+    let flags = naga::valid::ValidationFlags::all();
+    let mut validator = naga::valid::Validator::new(flags, naga::valid::Capabilities::empty());
+    let info = validator
+        .validate(&module)
+        .unwrap_or_else(|e| panic!("{name}: {}", e.emit_to_string(&text)));
+
+    let entry = module.entry_points.iter().position(|e| e.name == "main");
+    let entry = entry.unwrap_or_else(|| panic!("{name} has no entry point main"));
+    assert_eq!(module.entry_points[entry].workgroup_size, kernel.workgroup, "{name}: workgroup");
+    let mut layouter = naga::proc::Layouter::default();
+    layouter.update(module.to_ctx()).expect("layout");
+    let mut shared = 0;
+    for (handle, variable) in module.global_variables.iter() {
+        if let naga::AddressSpace::WorkGroup = variable.space {
+            shared += layouter[variable.ty].size;
+        }
+        let Some(binding) = &variable.binding else { continue };
+        if binding.group == 1 {
+            let is_used = !info.get_entry_point(entry)[handle].is_empty();
+            assert!(!is_used || kernel.scene, "{name} uses the scene but does not say so");
+            continue;
+        }
+        let port = kernel.ports.get(binding.binding as usize);
+        let port = port.unwrap_or_else(|| panic!("{name}: no port at {}", binding.binding));
+        assert_eq!(variable.name.as_deref(), Some(port.name), "{name}: name of a port");
+        check_port(name, port, variable, &module, &layouter);
+    }
+    assert!(shared <= 16_384, "{name} takes {shared} bytes of workgroup memory");
+    let lists = kernel.ports.iter().filter(|p| p.access != Access::Uniform).count();
+    let scene_lists = if kernel.scene { 4 } else { 0 };
+    assert!(lists + scene_lists <= 8, "{name} binds {} lists", lists + scene_lists);
+    let bound = module.global_variables.iter().filter_map(|(_, v)| v.binding.as_ref());
+    let own = bound.filter(|b| b.group == 0).count();
+    assert_eq!(own, kernel.ports.len(), "{name}: ports without a binding in the shader");
+}
+
+fn check_port(
+    name: &str,
+    port: &super::Port,
+    variable: &naga::GlobalVariable,
+    module: &naga::Module,
+    layouter: &naga::proc::Layouter,
+) {
+    let access = match variable.space {
+        naga::AddressSpace::Uniform => Access::Uniform,
+        naga::AddressSpace::Storage { access } if access.contains(naga::StorageAccess::STORE) => {
+            Access::Write
+        }
+        _ => Access::Read,
+    };
+    assert_eq!(access, port.access, "{name}: access of {}", port.name);
+    let (item, stride) = match &module.types[variable.ty].inner {
+        naga::TypeInner::Array { base, stride, .. } => (*base, *stride),
+        _ => (variable.ty, layouter[variable.ty].to_stride()),
+    };
+    // A uniform may leave out the padding at its end.
+    let size = match access {
+        Access::Uniform => layouter[item].alignment.round_up(port.size as u32),
+        _ => port.size as u32,
+    };
+    assert_eq!(stride, size, "{name}: bytes of {}", port.name);
+    let naga::TypeInner::Struct { members, .. } = &module.types[item].inner else { return };
+    let fields: Vec<_> = port.fields.iter().filter(|f| !f.0.starts_with('_')).collect();
+    let shader: Vec<_> = members
+        .iter()
+        .map(|m| (m.name.as_deref().unwrap_or(""), m.offset as usize))
+        .filter(|m| !m.0.starts_with('_'))
+        .collect();
+    let host: Vec<_> = fields.iter().map(|f| (f.0, f.1)).collect();
+    assert_eq!(shader, host, "{name}: fields of {}", port.name);
+}

@@ -1,0 +1,32 @@
+use super::scan::Scan;
+use super::testing::device;
+use crate::math::hash_u32;
+
+#[test]
+fn prefix_sums_of_any_length_are_running_sums() {
+    let Some(gpu) = device() else { return };
+    for count in [1usize, 2, 255, 2048, 2049, 70_000, 4_200_000] {
+        let values: Vec<u32> = (0..count as u32).map(|i| hash_u32(i) % 7).collect();
+        let buffer = gpu.upload("values", &values).expect("buffer");
+        let scan = Scan::new(gpu, count).expect("scan");
+        let mut rec = gpu.record(None);
+        scan.record(&mut rec, &buffer, count);
+        rec.submit().wait().expect("done");
+        let found = gpu.read(&buffer, count).expect("read");
+        let mut sum = 0;
+        for (i, (value, found)) in values.iter().zip(found).enumerate() {
+            assert_eq!(found, sum, "value {i} of {count}");
+            sum += value;
+        }
+    }
+}
+
+#[test]
+fn memory_is_counted_until_it_is_dropped() {
+    let Some(gpu) = device() else { return };
+    // Other tests share the device: only the order of magnitude is certain.
+    let large = gpu.buffer::<u32>("large", 20_000_000).expect("buffer");
+    assert!(gpu.bytes() >= 80_000_000 && large.len() == 20_000_000);
+    let too_large = gpu.buffer::<u32>("too large", 40_000_000).expect_err("beyond the limit");
+    assert!(too_large.to_string().contains("too large needs 160000000 bytes"), "{too_large}");
+}

@@ -1,0 +1,100 @@
+//! Times of stages, by timestamps of the device.
+
+use super::Gpu;
+use crate::error::Error;
+
+/// Most timed passes of one submission.
+const MOST_PASSES: u32 = 96;
+
+/// What one stage took on the device.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StageTime {
+    /// Name of the stage.
+    pub name: &'static str,
+    /// ms; summed where a stage ran more than once.
+    pub time_ms: f64,
+}
+
+/// Timestamps around the passes of one submission.
+#[derive(Debug)]
+pub(super) struct Timer {
+    queries: wgpu::QuerySet,
+    resolved: wgpu::Buffer,
+    mapped: wgpu::Buffer,
+    names: Vec<&'static str>,
+}
+
+impl Timer {
+    pub fn new(gpu: &Gpu) -> Option<Self> {
+        let device = gpu.device();
+        if !device.features().contains(wgpu::Features::TIMESTAMP_QUERY) {
+            return None;
+        }
+        let size = u64::from(2 * MOST_PASSES) * 8;
+        let buffer = |label, usage| {
+            device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some(label),
+                size,
+                usage,
+                mapped_at_creation: false,
+            })
+        };
+        Some(Self {
+            queries: device.create_query_set(&wgpu::QuerySetDescriptor {
+                label: Some("timer"),
+                ty: wgpu::QueryType::Timestamp,
+                count: 2 * MOST_PASSES,
+            }),
+            resolved: buffer(
+                "timer resolved",
+                wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC,
+            ),
+            mapped: buffer(
+                "timer mapped",
+                wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+            ),
+            names: Vec::new(),
+        })
+    }
+
+    pub fn clear(&mut self) {
+        self.names.clear();
+    }
+
+    /// Where the next pass leaves its timestamps; none beyond the most passes.
+    pub fn next(&mut self, name: &'static str) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
+        let index = self.names.len() as u32;
+        if index >= MOST_PASSES {
+            return None;
+        }
+        self.names.push(name);
+        Some(wgpu::ComputePassTimestampWrites {
+            query_set: &self.queries,
+            beginning_of_pass_write_index: Some(2 * index),
+            end_of_pass_write_index: Some(2 * index + 1),
+        })
+    }
+
+    pub fn resolve(&self, encoder: &mut wgpu::CommandEncoder) {
+        let count = 2 * self.names.len() as u32;
+        if count > 0 {
+            encoder.resolve_query_set(&self.queries, 0..count, &self.resolved, 0);
+            encoder.copy_buffer_to_buffer(&self.resolved, 0, &self.mapped, 0, u64::from(count) * 8);
+        }
+    }
+
+    /// Waits for the submission; stages in the order in which they first ran.
+    pub fn read(&self, gpu: &Gpu) -> Result<Vec<StageTime>, Error> {
+        let ticks: Vec<u64> = gpu.read_mapped(&self.mapped, self.names.len() * 2 * 8)?;
+        let period_ms = f64::from(gpu.queue().get_timestamp_period()) * 1e-6;
+        let mut stages: Vec<StageTime> = Vec::new();
+        for (&name, pair) in self.names.iter().zip(ticks.chunks_exact(2)) {
+            let time_ms = pair[1].saturating_sub(pair[0]) as f64 * period_ms;
+            match stages.iter_mut().find(|s| s.name == name) {
+                Some(stage) => stage.time_ms += time_ms,
+                None => stages.push(StageTime { name, time_ms }),
+            }
+        }
+        Ok(stages)
+    }
+}
