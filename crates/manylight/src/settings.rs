@@ -94,6 +94,8 @@ group! {
         surface: SurfaceSettings = SurfaceSettings::default(),
         /// The picture.
         film: FilmSettings = FilmSettings::default(),
+        /// The graphics device.
+        gpu: GpuSettings = GpuSettings::default(),
     }
 }
 
@@ -188,6 +190,17 @@ group! {
         exposure_ev: Option<f32> = None,
         /// Samples per pixel of the methods other than `path`, 1 to 4096; 1: the pixel's center.
         samples: u32 = 1,
+    }
+}
+
+group! {
+    /// The graphics device, where one renders.
+    GpuSettings {
+        /// Part of its name, in any case; null: the fastest that is not emulated on the processor.
+        device: Option<String> = None,
+        /// Whether to take only what every device has: smallest limits, no optional feature. For
+        /// finding out whether one of them makes a difference.
+        base: bool = false,
     }
 }
 

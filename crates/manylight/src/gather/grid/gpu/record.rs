@@ -89,8 +89,8 @@ record! {
         pub inner: u32,
         /// First of its virtual lights.
         pub light: u32,
-        /// Which eighth of the coarser cell it is (bits 0–2), and which of its corners it owns (bits
-        /// 8–15): those of whose cells it is the first.
+        /// Which eighth of the coarser cell it is (bits 0–2), and which of its corners it owns
+        /// (bits 8–15): those of whose cells it is the first.
         pub octant_owned: u32,
         /// Grid light of the first corner that it owns, in the list of all levels; the others
         /// follow, in the order of the corners.
@@ -118,12 +118,12 @@ pub struct GpuGrid {
     pub lights: Buf<GridLightRecord>,
     /// One for each of `lights`.
     pub octants: Buf<OctantsRecord>,
-    /// The virtual lights that take part, sorted by (lobe, Morton code of the finest possible cell).
+    /// The virtual lights that take part, sorted by lobe and Morton code of the finest cell.
     pub vpls: Buf<VplRecord>,
     /// Position in level-1 cells and luminance of each virtual light.
     pub points: Buf<[f32; 4]>,
-    /// What each block of [`BLOCK`] virtual lights shares to the corners of their own level-1 cells;
-    /// after all blocks, from `blocks_of(vpls.len())` on, each block of [`SUPERBLOCK`] lights.
+    /// What each block of [`BLOCK`] virtual lights shares to the corners of their own level-1
+    /// cells; from `blocks_of(vpls.len())` on, each block of [`SUPERBLOCK`] lights.
     pub blocks: Buf<[f32; 8]>,
 }
 
