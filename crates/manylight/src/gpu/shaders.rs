@@ -17,4 +17,11 @@ pub const SHADERS: &[(&str, &str)] = shaders![
     "surface/octahedral",
     "vlight/vpl/record",
     "gather/grid/gpu/record",
+    "filter/taps",
+    "filter/noisy",
+    "filter/guides",
+    "filter/guess",
+    "filter/first",
+    "filter/pass",
+    "filter/split",
 ];
