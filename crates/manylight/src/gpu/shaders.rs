@@ -24,4 +24,11 @@ pub const SHADERS: &[(&str, &str)] = shaders![
     "filter/first",
     "filter/pass",
     "filter/split",
+    "composite/brdf",
+    "composite/begin",
+    "composite/gathered",
+    "composite/beauty",
+    "composite/exposure_count",
+    "composite/exposure",
+    "composite/tone",
 ];
