@@ -54,6 +54,19 @@ impl ViewFrame {
         (p - self.position).dot(self.forward)
     }
 
+    /// Where rays of a perspective view start; the center of the picture of an orthographic one.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn eye(&self) -> Vec3 {
+        self.position
+    }
+
+    /// Side of a pixel at the eye, and what is added to it per metre of depth, metres.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn pixel_size_terms(&self) -> [f32; 2] {
+        let at_one = self.pixel_size(1.0);
+        if self.perspective { [0.0, at_one] } else { [at_one, 0.0] }
+    }
+
     /// Side of a pixel at a distance along the viewing axis, metres.
     #[inline]
     pub fn pixel_size(&self, depth: f32) -> f32 {
