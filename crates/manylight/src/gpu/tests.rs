@@ -30,3 +30,15 @@ fn memory_is_counted_until_it_is_dropped() {
     let too_large = gpu.buffer::<u32>("too large", 40_000_000).expect_err("beyond the limit");
     assert!(too_large.to_string().contains("too large needs 160000000 bytes"), "{too_large}");
 }
+
+#[test]
+fn kernels_match_their_shaders() {
+    super::KERNELS.iter().for_each(|kernel| super::testing::check_kernel(kernel));
+}
+
+#[test]
+fn says_which_device() {
+    if let Some(gpu) = device() {
+        println!("tests of the graphics device run on {}", gpu.name());
+    }
+}
