@@ -65,9 +65,9 @@ impl Shell {
 /// together give too much where one rises and another falls. Along a surface, two of three axes
 /// vary, ∇²b is b′/d between the bends, and half the variance makes up for that; fitted with the
 /// rest of the spread, see [`contribution`].
-const NEARER: f32 = 0.3;
+pub(super) const NEARER: f32 = 0.3;
 /// Most variance of a grid light over three axes, in squared cells.
-const MOST_VARIANCE: f32 = 3.0;
+pub(super) const MOST_VARIANCE: f32 = 3.0;
 
 /// Blending of all levels: rises r/2 … r above the start level, falls r … 2r below the top.
 ///

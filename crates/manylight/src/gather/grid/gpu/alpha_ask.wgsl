@@ -6,21 +6,12 @@ struct AskParams {
     runs: u32,
 }
 
-struct Fraction {
-    high: u32,
-    low: u32,
-    _pad: vec2u,
-}
-
-struct Fractions {
-    of: array<Fraction, ASKED>,
-}
-
 @group(0) @binding(0) var<uniform> params: AskParams;
-@group(0) @binding(1) var<uniform> fractions: Fractions;
-@group(0) @binding(2) var<storage, read> positions: array<vec4f>;
-@group(0) @binding(3) var<storage, read> normals: array<vec4f>;
-@group(0) @binding(4) var<storage, read> runs: array<u32>;
+@group(0) @binding(1) var<storage, read> positions: array<vec4f>;
+@group(0) @binding(2) var<storage, read> normals: array<vec4f>;
+@group(0) @binding(3) var<storage, read> runs: array<u32>;
+// Upper and lower word of each fraction.
+@group(0) @binding(4) var<storage, read> shares: array<vec2u>;
 @group(0) @binding(5) var<storage, read_write> asked: array<vec4f>;
 @group(0) @binding(6) var<storage, read_write> reach: array<Reach>;
 
@@ -34,9 +25,9 @@ fn multiply(a: u32, b: u32) -> vec2u {
 }
 
 // Whole part of a fraction of a number.
-fn part_of(fraction: Fraction, count: u32) -> u32 {
-    let product = multiply(fraction.high, count);
-    let rest = multiply(fraction.low, count).x;
+fn part_of(fraction: vec2u, count: u32) -> u32 {
+    let product = multiply(fraction.x, count);
+    let rest = multiply(fraction.y, count).x;
     return product.x + select(0u, 1u, product.y + rest < rest);
 }
 
@@ -71,7 +62,7 @@ fn main(@builtin(local_invocation_index) local: u32) {
         reach[0].asked = select(0u, ASKED, count > 0u);
     }
     if count > 0u {
-        let pixel = find_pixel(part_of(fractions.of[local], count));
+        let pixel = find_pixel(part_of(shares[local], count));
         asked[local] = positions[pixel];
         asked[ASKED + local] = normals[pixel];
     }

@@ -1,7 +1,7 @@
 // A point drawn from the spread of every picked light (the paper's form); twin of ray_to_cloud in
 // sample.rs without its ray.
 //
-// A pick keeps its light and weighs 1.
+// A pick loses the level of its light and weighs 1.
 import package::gather::grid::gpu::record;
 import package::gather::grid::gpu::params;
 import package::gather::grid::gpu::draws;
@@ -38,7 +38,7 @@ fn main(
         return;
     }
     let index = light & INDEX_MASK;
-    picks[place].geometry = 1.0;
+    picks[place] = Pick(index | NEEDS_RAY, 1.0);
     if (light >> LEVEL_SHIFT) == 0u {
         targets[place] = vec4f(vpls[index].position, 0.0);
         return;

@@ -1,6 +1,6 @@
 // Drawing one virtual light out of a grid light; twin of draw.rs.
 //
-// Reads `cells`, `octants`, `points`, `blocks`, `info`. Where the twin takes differences of running
+// Reads `cells`, `octants`, `points`, `blocks`, `vpls`, `info`. Where the twin takes differences of running
 // sums, inside a crowded cell, this walks over blocks of blocks and blocks: single precision has no
 // digits for such differences.
 
@@ -172,7 +172,7 @@ fn draw_in(first: u32, last: u32, hat: Hat, weight: Weight, target_mass: f32) ->
 
 // The block where the running mass passes `target_mass`; `last` if none does.
 fn choose_block(first: u32, last: u32, weight: Weight, target_mass: f32) -> Chosen {
-    let superblocks = (info.vpl_count + BLOCK - 1u) / BLOCK;
+    let superblocks = (arrayLength(&vpls) + BLOCK - 1u) / BLOCK;
     let per = SUPERBLOCK / BLOCK;
     var left = target_mass;
     var block = first;

@@ -5,7 +5,7 @@
 // every receiver after every chunk.
 import package::gather::grid::gpu::params;
 import package::gather::grid::gpu::tiles;
-import package::gather::grid::gpu::bounds;
+import package::gather::grid::gpu::receiver_bounds;
 
 @group(0) @binding(0) var<uniform> params: GatherParams;
 @group(0) @binding(1) var<uniform> reach: Reach;

@@ -5,7 +5,7 @@
 // into places; the second time it fills them. What is left of a last chunk holds NO_LIGHT.
 import package::gather::grid::gpu::params;
 import package::gather::grid::gpu::tiles;
-import package::gather::grid::gpu::bounds;
+import package::gather::grid::gpu::receiver_bounds;
 import package::gather::grid::gpu::descend;
 import package::gather::grid::gpu::stats;
 

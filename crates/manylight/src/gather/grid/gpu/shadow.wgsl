@@ -4,8 +4,7 @@
 import package::gather::grid::gpu::params;
 import package::vlight::vpl::record;
 import package::surface::octahedral;
-import package::world::scene;
-import package::bvh::traverse;
+import package::world::rays;
 
 @group(0) @binding(0) var<uniform> params: GatherParams;
 @group(0) @binding(1) var<storage, read_write> picks: array<Pick>;
