@@ -74,7 +74,7 @@ impl SkyEmitter {
 }
 
 /// cosθ of a row's upper edge.
-fn row_cos(map: &SkyMap, row: f32) -> f32 {
+pub(super) fn row_cos(map: &SkyMap, row: f32) -> f32 {
     (PI * row / map.height as f32).cos()
 }
 

@@ -5,6 +5,9 @@
 //! A bounce limit of n covers the light paths that virtual lights of n bounces cover: at most
 //! n + 1 surfaces between light and eye.
 
+#[cfg(feature = "gpu")]
+pub mod gpu;
+
 use crate::bvh::Ray;
 use crate::direct;
 use crate::emitter::{Emitters, SurfaceSample};
