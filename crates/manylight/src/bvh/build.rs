@@ -62,7 +62,7 @@ fn build_wide(boxes: &[Aabb], leaf_size: u32) -> Wide {
     collapse(&build_balanced(boxes, leaf_size as usize), leaf_size)
 }
 
-fn build_by_cost(boxes: &[Aabb]) -> Bvh2 {
+pub(super) fn build_by_cost(boxes: &[Aabb]) -> Bvh2 {
     let params = BvhBuildParams { max_prims_per_leaf: 1, ..BvhBuildParams::medium_build() };
     obvhs::bvh2::builder::build_bvh2(boxes, params, &mut std::time::Duration::default())
 }

@@ -10,6 +10,8 @@ mod balanced;
 mod boxes;
 mod build;
 mod collapse;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 mod lanes;
 mod order;
 mod pack;

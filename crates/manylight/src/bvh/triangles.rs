@@ -17,7 +17,7 @@ pub struct RayHit {
 }
 
 /// Lets barycentrics pass an edge by this, so that no ray slips between two triangles.
-const EDGE_SLACK: f32 = 1e-6;
+pub(super) const EDGE_SLACK: f32 = 1e-6;
 
 impl Bvh {
     /// The nearest hit that `accept` agrees to.

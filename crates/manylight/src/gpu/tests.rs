@@ -30,3 +30,8 @@ fn memory_is_counted_until_it_is_dropped() {
     let too_large = gpu.buffer::<u32>("too large", 40_000_000).expect_err("beyond the limit");
     assert!(too_large.to_string().contains("too large needs 160000000 bytes"), "{too_large}");
 }
+
+#[test]
+fn kernels_match_their_shaders() {
+    super::KERNELS.iter().for_each(|kernel| super::testing::check_kernel(kernel));
+}

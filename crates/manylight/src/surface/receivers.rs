@@ -14,11 +14,11 @@ pub struct ViewFrame {
     pub width: usize,
     /// Pixels down.
     pub height: usize,
-    position: Vec3,
-    forward: Vec3,
+    pub(super) position: Vec3,
+    pub(super) forward: Vec3,
     /// Half the picture's extent, right and up: at distance 1, or in metres if orthographic.
-    half: [Vec3; 2],
-    perspective: bool,
+    pub(super) half: [Vec3; 2],
+    pub(super) perspective: bool,
 }
 
 impl ViewFrame {

@@ -6,6 +6,8 @@
 //! then their triangles are kept once, below a hierarchy over the instances' boxes.
 
 mod alpha;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 mod texture;
 
 pub use texture::{sample_rgba, sample_srgb};
@@ -46,6 +48,8 @@ pub struct World {
 /// A mesh that its instances share.
 #[derive(Debug)]
 struct Shared {
+    /// Index into the scene's meshes.
+    mesh: usize,
     bvh: Bvh,
     /// Builder position → triangle of the mesh.
     triangles: Vec<u32>,
@@ -58,6 +62,8 @@ struct Placement {
     /// Index into `World::shared`.
     shared: u32,
     object_from_world: Affine3A,
+    /// Its box in the world.
+    bounds: [Vec3; 2],
 }
 
 /// Where a ray met the scene.
@@ -104,18 +110,19 @@ impl World {
             bounds: [Vec3::INFINITY, Vec3::NEG_INFINITY],
             scene,
         };
-        let (mut flat, mut boxes) = (Vec::new(), Vec::new());
+        let mut flat = Vec::new();
         let mut copied = 0;
         for (mesh, instances) in placements.iter().enumerate() {
             let triangles = world.scene.meshes[mesh].triangles.len() as u64;
             if is_shared(triangles, instances.len() as u64, copied) {
-                world.add_shared(mesh, instances, &mut boxes);
+                world.add_shared(mesh, instances);
             } else {
                 copied += triangles * (instances.len() as u64).saturating_sub(1);
                 instances.iter().for_each(|&i| world.add_flat(i, &mut flat));
             }
         }
         world.flat = Bvh::build(&flat);
+        let boxes: Vec<_> = world.placements.iter().map(|p| p.bounds).collect();
         world.placement_tree = BoxTree::build(&boxes);
         if !world.bounds[0].is_finite() {
             return Err(Error::Scene {
@@ -138,7 +145,7 @@ impl World {
     }
 
     /// Adds a mesh once and its instances with their boxes.
-    fn add_shared(&mut self, mesh: usize, instances: &[u32], boxes: &mut Vec<[Vec3; 2]>) {
+    fn add_shared(&mut self, mesh: usize, instances: &[u32]) {
         let source = &self.scene.meshes[mesh];
         let opaque = !self.has_holes[source.material as usize];
         let (mut build, mut triangles) = (Vec::new(), Vec::new());
@@ -151,7 +158,7 @@ impl World {
         }
         let bounds = bounds_of(build.iter().flat_map(|t| t.corners));
         let shared = self.shared.len() as u32;
-        self.shared.push(Shared { bvh: Bvh::build(&build), triangles });
+        self.shared.push(Shared { mesh, bvh: Bvh::build(&build), triangles });
         for &instance in instances {
             let world_from_object = self.scene.instances[instance as usize].world_from_object;
             let bounds = placed_bounds(&world_from_object, bounds);
@@ -161,8 +168,7 @@ impl World {
             }
             self.bounds = [self.bounds[0].min(bounds[0]), self.bounds[1].max(bounds[1])];
             let object_from_world = world_from_object.inverse();
-            self.placements.push(Placement { instance, shared, object_from_world });
-            boxes.push(bounds);
+            self.placements.push(Placement { instance, shared, object_from_world, bounds });
         }
     }
 
@@ -236,7 +242,7 @@ impl World {
         self.placement_tree.visit_near(&near, |index, t_max| {
             let Placement { instance, shared, .. } = self.placements[index as usize];
             let local = self.placements[index as usize].local_ray(ray, t_max);
-            let Shared { bvh, triangles } = &self.shared[shared as usize];
+            let Shared { bvh, triangles, .. } = &self.shared[shared as usize];
             let hit = bvh.closest(&local, |h| {
                 accept(instance, triangles[h.triangle as usize], h.barycentrics)
             });
@@ -262,7 +268,7 @@ impl World {
             && self.placement_tree.visit_any(ray, |index| {
                 let placement = &self.placements[index as usize];
                 let local = placement.local_ray(ray, ray.t_max);
-                let Shared { bvh, triangles } = &self.shared[placement.shared as usize];
+                let Shared { bvh, triangles, .. } = &self.shared[placement.shared as usize];
                 bvh.occluded(&local, |h| {
                     let triangle = triangles[h.triangle as usize];
                     self.stops(ray, placement.instance, triangle, h.barycentrics)

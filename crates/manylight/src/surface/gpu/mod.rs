@@ -4,11 +4,83 @@
 
 use super::{PixelSample, Receivers, SurfacePoint, ViewFrame};
 use crate::error::Error;
-use crate::gpu::{Buf, Gpu};
+use crate::gpu::{Buf, Constant, Gpu, Recorder, Value, kernel, record};
 use glam::{Vec2, Vec3};
 
 /// Depth of pixels that see no surface.
 pub const NO_SURFACE: f32 = f32::MAX;
+
+/// Constants of `receivers.wgsl`.
+pub const CONSTANTS: &[Constant] =
+    &[Constant { name: "NO_SURFACE", value: Value::F32(NO_SURFACE) }];
+
+record! {
+    /// [`ViewFrame`] as shaders read it.
+    pub struct ViewRecord {
+        /// The eye.
+        pub position: [f32; 3],
+        /// Pixels across.
+        pub width: u32,
+        /// Unit viewing direction.
+        pub forward: [f32; 3],
+        /// Pixels down.
+        pub height: u32,
+        /// Half the picture's extent to the right: at distance 1, or in metres if orthographic.
+        pub half_right: [f32; 3],
+        /// 1 if so, 0 if orthographic.
+        pub perspective: u32,
+        /// Half the picture's extent upward.
+        pub half_up: [f32; 3],
+        /// Where in a pixel rays start, from its left.
+        pub offset_x: f32,
+        /// And from its top.
+        pub offset_y: f32,
+        /// Nothing.
+        pub _pad: [u32; 3],
+    }
+}
+
+record! {
+    /// What the camera rays need to know.
+    pub struct ReceiverParams {
+        /// The camera.
+        pub view: ViewRecord,
+        /// Whether normal textures bend the shading normal.
+        pub normal_maps: u32,
+        /// Nothing.
+        pub _pad: [u32; 3],
+    }
+}
+
+kernel! {
+    /// One ray through every pixel.
+    struct TraceReceivers = "surface/receivers", [8, 8, 1], scene,
+        [CONSTANTS, crate::world::gpu::CONSTANTS, crate::bvh::gpu::CONSTANTS];
+    uniform params: ReceiverParams, write positions: [f32; 4], write normals: [f32; 4],
+    write albedos: [f32; 4], write emissions: [f32; 4]
+}
+
+/// Every kernel of this room.
+#[cfg(test)]
+pub(crate) const KERNELS: &[&crate::gpu::KernelInfo] = &[&TraceReceivers::INFO];
+
+impl ViewRecord {
+    /// A view whose rays start at `offset_px` from a pixel's top left corner.
+    pub fn new(view: &ViewFrame, offset_px: Vec2) -> Self {
+        Self {
+            position: view.position.to_array(),
+            width: view.width as u32,
+            forward: view.forward.to_array(),
+            height: view.height as u32,
+            half_right: view.half[0].to_array(),
+            perspective: u32::from(view.perspective),
+            half_up: view.half[1].to_array(),
+            offset_x: offset_px.x,
+            offset_y: offset_px.y,
+            ..Self::default()
+        }
+    }
+}
 
 /// The receivers of a picture on the device, row-major from the top.
 #[derive(Debug)]
@@ -41,6 +113,23 @@ impl GpuReceivers {
             albedos: gpu.buffer("receiver albedos", pixels)?,
             emissions: gpu.buffer("receiver emissions", pixels)?,
         })
+    }
+
+    /// Traces one ray through each pixel at `offset_px` from the pixel's top left corner; pixels
+    /// without a surface emit nothing yet.
+    pub fn trace(
+        &self,
+        rec: &mut Recorder<'_>,
+        view: &ViewFrame,
+        offset_px: Vec2,
+        normal_maps: bool,
+    ) {
+        let view = ViewRecord::new(view, offset_px);
+        let normal_maps = u32::from(normal_maps);
+        let params = rec.uniform(&ReceiverParams { view, normal_maps, _pad: [0; 3] });
+        let Self { width, height, positions, normals, albedos, emissions } = self;
+        let kernel = TraceReceivers { params, positions, normals, albedos, emissions };
+        rec.dispatch(&kernel, [width.div_ceil(8) as u32, height.div_ceil(8) as u32, 1]);
     }
 
     /// Copies receivers to the device; `sky` is the radiance from a direction.
@@ -116,7 +205,7 @@ impl GpuReceivers {
     }
 }
 
-/// A unit vector in two times 16 bits; off by at most 5e-5.
+/// A unit vector in two times 16 bits; off by at most 7e-5.
 pub fn pack_octahedral(n: Vec3) -> u32 {
     let scale = 1.0 / (n.x.abs() + n.y.abs() + n.z.abs()).max(1e-30);
     let mut p = Vec2::new(n.x, n.y) * scale;
@@ -138,3 +227,6 @@ pub fn unpack_octahedral(bits: u32) -> Vec3 {
     let away = |v: f32| if v >= 0.0 { v - fold } else { v + fold };
     Vec3::new(away(x), away(y), z).normalize()
 }
+
+#[cfg(test)]
+mod tests;

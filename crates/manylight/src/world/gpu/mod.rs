@@ -1,0 +1,460 @@
+//! The scene on the graphics device: group 1 of every kernel that traces rays.
+//!
+//! In: [`World`], words of light sources · Out: [`GpuWorld`]
+//! Limits: each of nodes, triangles and geometry fits one binding; textures of at most the device's
+//! largest, packed into pages of one array.
+
+use super::World;
+use crate::bvh::gpu::{GpuTree, NODE_WORDS};
+use crate::error::Error;
+use crate::gpu::{Buf, Constant, Gpu, Value, kernel, record};
+use glam::{Mat3, Vec3};
+use manylight_scene::{AlphaMode, Material, Mesh, TextureImage, TextureSlot, Wrap};
+
+const INSTANCE_WORDS: usize = 23;
+const MESH_WORDS: usize = 8;
+const MATERIAL_WORDS: usize = 14;
+const SLOT_WORDS: usize = 15;
+const PLACEMENT_WORDS: usize = 15;
+/// Stands for a list or slot that is not there.
+const NONE: u32 = u32::MAX;
+/// Values of a slot's wrap and of a material's alpha mode.
+const WRAP_REPEAT: u32 = 0;
+const WRAP_MIRROR: u32 = 1;
+const WRAP_CLAMP: u32 = 2;
+const ALPHA_OPAQUE: u32 = 0;
+const ALPHA_MASK: u32 = 1;
+const ALPHA_BLEND: u32 = 2;
+/// Side of a page of textures, texels; more where an image is larger.
+const PAGE: u32 = 2048;
+
+/// Constants of `scene.wgsl`, `texture.wgsl` and `rays.wgsl`.
+pub const CONSTANTS: &[Constant] = &[
+    Constant { name: "INSTANCE_WORDS", value: Value::U32(INSTANCE_WORDS as u32) },
+    Constant { name: "MESH_WORDS", value: Value::U32(MESH_WORDS as u32) },
+    Constant { name: "MATERIAL_WORDS", value: Value::U32(MATERIAL_WORDS as u32) },
+    Constant { name: "SLOT_WORDS", value: Value::U32(SLOT_WORDS as u32) },
+    Constant { name: "PLACEMENT_WORDS", value: Value::U32(PLACEMENT_WORDS as u32) },
+    Constant { name: "WRAP_REPEAT", value: Value::U32(WRAP_REPEAT) },
+    Constant { name: "WRAP_MIRROR", value: Value::U32(WRAP_MIRROR) },
+    Constant { name: "ALPHA_OPAQUE", value: Value::U32(ALPHA_OPAQUE) },
+    Constant { name: "ALPHA_MASK", value: Value::U32(ALPHA_MASK) },
+];
+
+record! {
+    /// The uniform of group 1; words are those of the geometry.
+    pub struct SceneInfo {
+        /// Least corner of all triangles.
+        pub bounds_low: [f32; 3],
+        /// Length of the bounds' diagonal, m.
+        pub diagonal: f32,
+        /// Greatest corner of all triangles.
+        pub bounds_high: [f32; 3],
+        /// First word of the instances.
+        pub instances: u32,
+        /// First word of the meshes.
+        pub meshes: u32,
+        /// First word of the materials.
+        pub materials: u32,
+        /// First word of the texture slots.
+        pub slots: u32,
+        /// First word of the placements.
+        pub placements: u32,
+        /// Instances of shared meshes.
+        pub placement_count: u32,
+        /// Root of the hierarchy over their boxes.
+        pub placement_root: u32,
+        /// First word of that hierarchy's items.
+        pub placement_items: u32,
+        /// Triangles of instances that are not shared.
+        pub flat_count: u32,
+    }
+}
+
+record! {
+    /// How to cast a list of rays.
+    pub struct CastParams {
+        /// Rays.
+        pub count: u32,
+        /// 1 where any hit will do, 0 for the nearest.
+        pub any: u32,
+    }
+}
+
+record! {
+    /// What one of them met.
+    pub struct HitRecord {
+        /// Distance in units of the ray's direction.
+        pub t: f32,
+        /// Barycentric of the second corner.
+        pub u: f32,
+        /// Barycentric of the third corner.
+        pub v: f32,
+        /// Index into the scene's instances; `u32::MAX` where the ray met nothing.
+        pub instance: u32,
+        /// Index into the mesh's triangles.
+        pub triangle: u32,
+    }
+}
+
+kernel! {
+    /// A list of rays against the scene: origin, t_max, direction and a number that is not used.
+    pub struct Cast = "world/cast", [64, 1, 1], scene, [CONSTANTS, crate::bvh::gpu::CONSTANTS];
+    uniform params: CastParams, read rays: [f32; 8], write hits: HitRecord
+}
+
+/// Every kernel of this room.
+#[cfg(test)]
+pub(crate) const KERNELS: &[&crate::gpu::KernelInfo] = &[&Cast::INFO];
+
+/// The scene on the device.
+#[derive(Debug)]
+pub struct GpuWorld {
+    group: wgpu::BindGroup,
+    // Held for their account of memory.
+    _lists: (Buf<SceneInfo>, Buf<[u32; NODE_WORDS]>, Buf<[f32; 12]>, [Buf<u32>; 2]),
+}
+
+/// Everything that is copied to the device.
+#[derive(Default)]
+struct Packed {
+    info: SceneInfo,
+    nodes: Vec<[u32; NODE_WORDS]>,
+    triangles: Vec<[f32; 12]>,
+    geometry: Vec<u32>,
+}
+
+impl GpuWorld {
+    /// Copies a world to the device; `sources` are the words that `emitter` packs.
+    ///
+    /// Errors: a list that the device cannot hold in one binding, textures beyond its limits
+    /// Cost:   builds a hierarchy of its own, O(n log n)
+    pub fn new(gpu: &Gpu, world: &World, sources: &[u32]) -> Result<Self, Error> {
+        let atlas = Atlas::pack(gpu, &world.scene.images)?;
+        let mut packed = Packed::default();
+        packed.add_tables(world, &atlas.places);
+        packed.add_hierarchies(world);
+        let lists = (
+            gpu.upload("scene", &[packed.info])?,
+            gpu.upload("nodes of the hierarchy", &packed.nodes)?,
+            gpu.upload("triangles", &packed.triangles)?,
+            [gpu.upload("geometry", &packed.geometry)?, gpu.upload("light sources", sources)?],
+        );
+        let textures = atlas.upload(gpu, &world.scene.images);
+        let bindings = [
+            lists.0.raw().as_entire_binding(),
+            lists.1.raw().as_entire_binding(),
+            lists.2.raw().as_entire_binding(),
+            lists.3[0].raw().as_entire_binding(),
+            lists.3[1].raw().as_entire_binding(),
+            wgpu::BindingResource::TextureView(&textures),
+        ];
+        let entries = bindings.into_iter().enumerate();
+        let entries: Vec<_> = entries
+            .map(|(i, resource)| wgpu::BindGroupEntry { binding: i as u32, resource })
+            .collect();
+        let group = gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("scene"),
+            layout: gpu.scene_layout(),
+            entries: &entries,
+        });
+        Ok(Self { group, _lists: lists })
+    }
+
+    /// Group 1 of kernels that trace rays.
+    pub fn group(&self) -> &wgpu::BindGroup {
+        &self.group
+    }
+}
+
+/// Words of some floats.
+fn bits<const N: usize>(values: [f32; N]) -> [u32; N] {
+    values.map(f32::to_bits)
+}
+
+fn matrix_bits(m: Mat3) -> [u32; 9] {
+    bits(m.to_cols_array())
+}
+
+impl Packed {
+    /// Instances, meshes, materials and texture slots.
+    fn add_tables(&mut self, world: &World, places: &[Place]) {
+        let scene = &world.scene;
+        self.info.bounds_low = world.bounds[0].to_array();
+        self.info.bounds_high = world.bounds[1].to_array();
+        self.info.diagonal = world.diagonal();
+        self.info.instances = self.geometry.len() as u32;
+        for (instance, normals) in scene.instances.iter().zip(&world.normal_matrices) {
+            let linear = instance.world_from_object.matrix3;
+            self.geometry.extend(matrix_bits(linear.into()));
+            self.geometry.extend(bits(instance.world_from_object.translation.to_array()));
+            self.geometry.extend(matrix_bits((*normals).into()));
+            let side = if linear.determinant() < 0.0 { -1.0f32 } else { 1.0 };
+            self.geometry.extend([instance.mesh, side.to_bits()]);
+        }
+        let mut slots = Vec::new();
+        self.info.materials = self.geometry.len() as u32;
+        for material in &scene.materials {
+            self.add_material(material, places, &mut slots);
+        }
+        self.info.slots = self.geometry.len() as u32;
+        self.geometry.extend(slots);
+        let lists: Vec<_> = scene.meshes.iter().map(|mesh| self.add_lists(mesh)).collect();
+        self.info.meshes = self.geometry.len() as u32;
+        self.geometry.extend(lists.into_iter().flatten());
+    }
+
+    fn add_material(&mut self, material: &Material, places: &[Place], slots: &mut Vec<u32>) {
+        let (mode, cutoff) = match material.alpha_mode {
+            AlphaMode::Opaque => (ALPHA_OPAQUE, 0.0),
+            AlphaMode::Mask(cutoff) => (ALPHA_MASK, cutoff),
+            AlphaMode::Blend => (ALPHA_BLEND, 0.0),
+        };
+        let mut slot = |slot: &Option<TextureSlot>| match slot {
+            None => NONE,
+            Some(slot) => {
+                slots.extend(slot_words(slot, &places[slot.image as usize]));
+                (slots.len() / SLOT_WORDS - 1) as u32
+            }
+        };
+        let textures = [
+            slot(&material.base_color_texture),
+            slot(&material.emission_texture),
+            slot(&material.normal_texture),
+        ];
+        self.geometry.extend(bits(material.base_color.to_array()));
+        self.geometry.extend(bits(material.emission.to_array()));
+        self.geometry.extend([mode, cutoff.to_bits(), material.normal_scale.to_bits()]);
+        self.geometry.push(u32::from(material.unlit) | u32::from(material.double_sided) << 1);
+        self.geometry.extend(textures);
+    }
+
+    /// Adds the lists of a mesh; the words that say where they begin.
+    fn add_lists(&mut self, mesh: &Mesh) -> [u32; MESH_WORDS] {
+        fn list(words: &mut Vec<u32>, values: &[f32]) -> u32 {
+            let first = words.len() as u32;
+            words.extend_from_slice(bytemuck::cast_slice(values));
+            if values.is_empty() { NONE } else { first }
+        }
+        let triangles = self.geometry.len() as u32;
+        self.geometry.extend(mesh.triangles.iter().flatten());
+        let geometry = &mut self.geometry;
+        let flat3 = |v: &[Vec3]| v.iter().flat_map(|v| v.to_array()).collect::<Vec<f32>>();
+        let flat4 = |v: &[glam::Vec4]| v.iter().flat_map(|v| v.to_array()).collect::<Vec<f32>>();
+        let flat2 = |v: &[glam::Vec2]| v.iter().flat_map(|v| v.to_array()).collect::<Vec<f32>>();
+        [
+            mesh.material,
+            triangles,
+            list(geometry, &flat3(&mesh.positions)),
+            list(geometry, &flat3(&mesh.normals)),
+            list(geometry, &flat4(&mesh.tangents)),
+            list(geometry, &flat2(&mesh.uvs[0])),
+            list(geometry, &flat2(&mesh.uvs[1])),
+            list(geometry, &flat4(&mesh.colors)),
+        ]
+    }
+
+    /// The hierarchies: of copied triangles, of each shared mesh, of the boxes of its instances.
+    fn add_hierarchies(&mut self, world: &World) {
+        let flat = world.flat_triangles.iter();
+        let corners: Vec<_> = flat.map(|&[i, t]| (world.corners(i, t), [i, t])).collect();
+        self.info.flat_count = corners.len() as u32;
+        let is_opaque = |instance| !world.has_holes[world.mesh_of(instance).material as usize];
+        self.add_tree(&corners, |[instance, _]| is_opaque(instance));
+        let roots: Vec<[u32; 2]> = world
+            .shared
+            .iter()
+            .map(|shared| {
+                let mesh = &world.scene.meshes[shared.mesh];
+                let opaque = !world.has_holes[mesh.material as usize];
+                let corners = |&t: &u32| {
+                    (mesh.triangles[t as usize].map(|v| mesh.positions[v as usize]), [NONE, t])
+                };
+                let corners: Vec<_> = shared.triangles.iter().map(corners).collect();
+                self.add_tree(&corners, |_| opaque)
+            })
+            .collect();
+        self.info.placement_count = world.placements.len() as u32;
+        self.info.placements = self.geometry.len() as u32;
+        for placement in &world.placements {
+            let map = &placement.object_from_world;
+            self.geometry.extend(matrix_bits(map.matrix3.into()));
+            self.geometry.extend(bits(map.translation.to_array()));
+            self.geometry.push(placement.instance);
+            self.geometry.extend(roots[placement.shared as usize]);
+        }
+        let boxes: Vec<_> = world.placements.iter().map(|p| p.bounds).collect();
+        let tree = GpuTree::build(&boxes);
+        self.info.placement_root = self.nodes.len() as u32;
+        self.nodes.extend(tree.nodes);
+        self.info.placement_items = self.geometry.len() as u32;
+        self.geometry.extend(tree.order);
+    }
+
+    /// Adds a hierarchy of triangles with their instance and position in the mesh; its root and its
+    /// first triangle.
+    fn add_tree(
+        &mut self,
+        triangles: &[([Vec3; 3], [u32; 2])],
+        is_opaque: impl Fn([u32; 2]) -> bool,
+    ) -> [u32; 2] {
+        let boxes: Vec<[Vec3; 2]> =
+            triangles.iter().map(|t| super::bounds_of(t.0.into_iter())).collect();
+        let tree = GpuTree::build(&boxes);
+        let first = [self.nodes.len() as u32, self.triangles.len() as u32];
+        self.nodes.extend(tree.nodes);
+        self.triangles.extend(tree.order.iter().map(|&i| {
+            let ([a, b, c], id) = triangles[i as usize];
+            let (e1, e2) = (b - a, c - a);
+            let ids = [id[0], id[1], u32::from(is_opaque(id))].map(f32::from_bits);
+            let [x, y, z] = [a.extend(ids[0]), e1.extend(ids[1]), e2.extend(ids[2])];
+            let mut words = [0.0; 12];
+            for (row, v) in words.chunks_exact_mut(4).zip([x, y, z]) {
+                row.copy_from_slice(&v.to_array());
+            }
+            words
+        }));
+        first
+    }
+}
+
+/// Where an image lies among the pages.
+#[derive(Clone, Copy, Debug, Default)]
+struct Place {
+    layer: u32,
+    x: u32,
+    y: u32,
+    size: [u32; 2],
+}
+
+fn slot_words(slot: &TextureSlot, place: &Place) -> [u32; SLOT_WORDS] {
+    let wrap = slot.wrap.map(|wrap| match wrap {
+        Wrap::Repeat => WRAP_REPEAT,
+        Wrap::Mirror => WRAP_MIRROR,
+        Wrap::Clamp => WRAP_CLAMP,
+    });
+    let map = bits(slot.transform.to_cols_array());
+    let [width, height] = place.size;
+    let filter = u32::from(slot.linear_filter);
+    let set = u32::from(slot.uv_set);
+    [
+        place.layer,
+        place.x,
+        place.y,
+        width,
+        height,
+        wrap[0],
+        wrap[1],
+        filter,
+        set,
+        map[0],
+        map[1],
+        map[2],
+        map[3],
+        map[4],
+        map[5],
+    ]
+}
+
+/// All images in pages of one size.
+struct Atlas {
+    page: [u32; 2],
+    layers: u32,
+    places: Vec<Place>,
+}
+
+impl Atlas {
+    /// Places images on shelves, the highest first.
+    ///
+    /// Errors: an image larger than the device's largest texture, more pages than it has layers
+    fn pack(gpu: &Gpu, images: &[TextureImage]) -> Result<Self, Error> {
+        let limits = gpu.device().limits();
+        let widest = |f: fn(&TextureImage) -> u32| images.iter().map(f).max().unwrap_or(1);
+        let page = [widest(|i| i.width).max(PAGE), widest(|i| i.height).max(PAGE)];
+        let most = limits.max_texture_dimension_2d;
+        if let Some(image) = images.iter().find(|i| i.width.max(i.height) > most) {
+            return Err(Error::Device {
+                problem: format!(
+                    "the texture {} has {} x {} texels, and {} allows {most} along a side; make it \
+                     smaller, or render with --backend cpu",
+                    image.name,
+                    image.width,
+                    image.height,
+                    gpu.name()
+                ),
+            });
+        }
+        let page = page.map(|side| side.min(most));
+        let mut order: Vec<usize> = (0..images.len()).collect();
+        order.sort_by_key(|&i| (std::cmp::Reverse(images[i].height), i));
+        let mut places = vec![Place::default(); images.len()];
+        let (mut layer, mut x, mut shelf, mut shelf_height) = (0, 0, 0, 0);
+        for i in order {
+            let size = [images[i].width, images[i].height];
+            if x + size[0] > page[0] {
+                (x, shelf, shelf_height) = (0, shelf + shelf_height, 0);
+            }
+            if shelf + size[1] > page[1] {
+                (layer, x, shelf, shelf_height) = (layer + 1, 0, 0, 0);
+            }
+            places[i] = Place { layer, x, y: shelf, size };
+            (x, shelf_height) = (x + size[0], shelf_height.max(size[1]));
+        }
+        let layers = layer + 1;
+        if layers > limits.max_texture_array_layers {
+            return Err(Error::Device {
+                problem: format!(
+                    "the textures fill {layers} pages of {} x {} texels, and {} allows {}; make \
+                     them smaller, or render with --backend cpu",
+                    page[0],
+                    page[1],
+                    gpu.name(),
+                    limits.max_texture_array_layers
+                ),
+            });
+        }
+        let page = if images.is_empty() { [1; 2] } else { page };
+        Ok(Self { page, layers, places })
+    }
+
+    fn upload(&self, gpu: &Gpu, images: &[TextureImage]) -> wgpu::TextureView {
+        let [width, height] = self.page;
+        let size = wgpu::Extent3d { width, height, depth_or_array_layers: self.layers };
+        let texture = gpu.device().create_texture(&wgpu::TextureDescriptor {
+            label: Some("textures"),
+            size,
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format: wgpu::TextureFormat::Rgba8Uint,
+            usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+            view_formats: &[],
+        });
+        gpu.count_bytes(4 * u64::from(width) * u64::from(height) * u64::from(self.layers));
+        for (image, place) in images.iter().zip(&self.places) {
+            let [width, height] = place.size;
+            gpu.queue().write_texture(
+                wgpu::TexelCopyTextureInfo {
+                    texture: &texture,
+                    mip_level: 0,
+                    origin: wgpu::Origin3d { x: place.x, y: place.y, z: place.layer },
+                    aspect: wgpu::TextureAspect::All,
+                },
+                bytemuck::cast_slice(&image.texels),
+                wgpu::TexelCopyBufferLayout {
+                    offset: 0,
+                    bytes_per_row: Some(4 * width),
+                    rows_per_image: Some(height),
+                },
+                wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+            );
+        }
+        texture.create_view(&wgpu::TextureViewDescriptor {
+            dimension: Some(wgpu::TextureViewDimension::D2Array),
+            ..Default::default()
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,186 @@
+// Rays against the scene: two hierarchies, texels that are cut out; twin of World::closest and
+// World::occluded.
+import package::bvh::traverse;
+import package::math::sequence;
+import package::world::scene;
+import package::world::texture;
+
+// Opacity of a triangle at a point: texture, factor and vertex color.
+fn opacity_at(instance: u32, triangle: u32, uv: vec2f) -> f32 {
+    let mesh = mesh_at(instance);
+    let material = material_at(instance);
+    let vertices = triangle_vertices(mesh, triangle);
+    var opacity = geometry_f32(material + 3u);
+    let slot = geometry[material + 11u];
+    if slot != NONE {
+        opacity *= sample_slot(slot, uv_at(mesh, slot, vertices, uv), false).a;
+    }
+    return opacity * vertex_color(mesh, vertices, uv).a;
+}
+
+// Probability that a ray meets a triangle at a point.
+fn presence_at(instance: u32, triangle: u32, uv: vec2f) -> f32 {
+    let material = material_at(instance);
+    let mode = geometry[material + 7u];
+    if mode == ALPHA_OPAQUE {
+        return 1.0;
+    }
+    let opacity = opacity_at(instance, triangle, uv);
+    if mode == ALPHA_MASK {
+        return select(0.0, 1.0, opacity >= geometry_f32(material + 8u));
+    }
+    return clamp(opacity, 0.0, 1.0);
+}
+
+// Whether a triangle stops this ray: masked texels by their cutoff, blended ones with the
+// probability of their opacity, decided by a hash of ray and triangle.
+fn stops(ray: Ray, instance: u32, triangle: u32, uv: vec2f) -> bool {
+    let presence = presence_at(instance, triangle, uv);
+    if presence <= 0.0 || presence >= 1.0 {
+        return presence > 0.0;
+    }
+    var hash = 0x2545f491u;
+    let origin = bitcast<vec3u>(ray.origin);
+    let direction = bitcast<vec3u>(ray.direction);
+    hash = hash_u32(hash_u32(hash_u32(hash ^ origin.x) ^ origin.y) ^ origin.z);
+    hash = hash_u32(hash_u32(hash_u32(hash ^ direction.x) ^ direction.y) ^ direction.z);
+    hash = hash_u32(hash_u32(hash ^ instance) ^ triangle);
+    return unit_f32(hash) < presence;
+}
+
+fn load_groups(node: u32, setup: RaySetup, t_max: f32) -> Groups {
+    let at = 5u * node;
+    return visit_node(bvh_nodes[at], bvh_nodes[at + 1u], bvh_nodes[at + 2u], bvh_nodes[at + 3u],
+        bvh_nodes[at + 4u], setup, t_max);
+}
+
+// What a ray meets in one hierarchy; `local` is the ray in its space, `instance` replaces that of
+// the triangles unless it is NONE. With `any` the first hit that is found ends the walk.
+fn walk_tree(ray: Ray, local: Ray, root: u32, first: u32, instance: u32, any: bool) -> Hit {
+    var hit = Hit(local.t_max, vec2f(0.0), NO_HIT, 0u);
+    let setup = setup_ray(local);
+    var stack: array<vec2u, STACK>;
+    var size = 0u;
+    var nodes = vec2u(0u, 0x80000000u);
+    loop {
+        var triangles = vec2u(0u);
+        if nodes.y > 0xffffffu {
+            // The nearest child that waits; the rest goes to the stack.
+            let bit = firstLeadingBit(nodes.y);
+            let slot = (bit - 24u) ^ setup.octant;
+            nodes.y &= ~(1u << bit);
+            if nodes.y > 0xffffffu && size < STACK {
+                stack[size] = nodes;
+                size++;
+            }
+            let inner_before = countOneBits(nodes.y & 0xffu & ~(0xffffffffu << slot));
+            let groups = load_groups(root + nodes.x + inner_before, setup, hit.t);
+            nodes = groups.nodes;
+            triangles = groups.triangles;
+        }
+        while triangles.y != 0u {
+            let bit = firstLeadingBit(triangles.y);
+            triangles.y &= ~(1u << bit);
+            let at = 3u * (first + triangles.x + bit);
+            let corner = bvh_triangles[at];
+            let edge1 = bvh_triangles[at + 1u];
+            let edge2 = bvh_triangles[at + 2u];
+            let met = intersect_triangle(corner.xyz, edge1.xyz, edge2.xyz, local, hit.t);
+            if met.x > 0.0 {
+                let owner = select(instance, bitcast<u32>(corner.w), instance == NONE);
+                let triangle = bitcast<u32>(edge1.w);
+                if bitcast<u32>(edge2.w) != 0u || stops(ray, owner, triangle, met.yz) {
+                    hit = Hit(met.x, met.yz, owner, triangle);
+                    if any {
+                        return hit;
+                    }
+                }
+            }
+        }
+        if nodes.y <= 0xffffffu {
+            if size == 0u {
+                break;
+            }
+            size--;
+            nodes = stack[size];
+        }
+    }
+    return hit;
+}
+
+// The nearest hit in instances of shared meshes, no farther than one that is known.
+//
+// Words of a placement: object from world (12, columns), instance, root, first triangle.
+fn walk_placements(ray: Ray, known: Hit, any: bool) -> Hit {
+    var hit = known;
+    let setup = setup_ray(ray);
+    var stack: array<vec2u, STACK>;
+    var size = 0u;
+    var nodes = vec2u(0u, 0x80000000u);
+    loop {
+        var items = vec2u(0u);
+        if nodes.y > 0xffffffu {
+            let bit = firstLeadingBit(nodes.y);
+            let slot = (bit - 24u) ^ setup.octant;
+            nodes.y &= ~(1u << bit);
+            if nodes.y > 0xffffffu && size < STACK {
+                stack[size] = nodes;
+                size++;
+            }
+            let inner_before = countOneBits(nodes.y & 0xffu & ~(0xffffffffu << slot));
+            let node = scene.placement_root + nodes.x + inner_before;
+            let groups = load_groups(node, setup, hit.t);
+            nodes = groups.nodes;
+            items = groups.triangles;
+        }
+        while items.y != 0u {
+            let bit = firstLeadingBit(items.y);
+            items.y &= ~(1u << bit);
+            let item = geometry[scene.placement_items + items.x + bit];
+            let at = scene.placements + item * PLACEMENT_WORDS;
+            let linear = geometry_mat3(at);
+            let local = Ray(linear * ray.origin + geometry_vec3(at + 9u), hit.t,
+                linear * ray.direction);
+            let met = walk_tree(ray, local, geometry[at + 13u], geometry[at + 14u],
+                geometry[at + 12u], any);
+            if met.instance != NO_HIT {
+                hit = met;
+                if any {
+                    return hit;
+                }
+            }
+        }
+        if nodes.y <= 0xffffffu {
+            if size == 0u {
+                break;
+            }
+            size--;
+            nodes = stack[size];
+        }
+    }
+    return hit;
+}
+
+fn trace_ray(ray: Ray, any: bool) -> Hit {
+    var hit = Hit(ray.t_max, vec2f(0.0), NO_HIT, 0u);
+    if !is_finite_ray(ray) {
+        return hit;
+    }
+    if scene.flat_count > 0u {
+        hit = walk_tree(ray, ray, 0u, 0u, NONE, any);
+    }
+    if scene.placement_count > 0u && !(any && hit.instance != NO_HIT) {
+        hit = walk_placements(ray, hit, any);
+    }
+    return hit;
+}
+
+// The nearest surface along a ray.
+fn closest(ray: Ray) -> Hit {
+    return trace_ray(ray, false);
+}
+
+// Whether anything stops a ray.
+fn occluded(ray: Ray) -> bool {
+    return trace_ray(ray, true).instance != NO_HIT;
+}
