@@ -85,7 +85,7 @@ fn main(
         let found = sky_ray(s.ns, &sequence);
         sum += found.irradiance;
         if max_element(found.irradiance) > 0.0 {
-            if is_open(s, found.direction, ENDLESS) {
+            if is_open(s, found.direction, FAR_AWAY) {
                 seen += found.irradiance;
             }
         }

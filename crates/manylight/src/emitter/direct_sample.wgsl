@@ -1,11 +1,12 @@
 // What a light without a surface gives a point; twin of Emitters::direct.
 
+import package::bvh::traverse;
 import package::emitter::punctual;
 
 struct DirectSample {
     // Unit, toward the source.
     direction: vec3f,
-    // To the source, m; ENDLESS for a sun.
+    // To the source, m; FAR_AWAY for a sun.
     distance: f32,
     // On a surface facing the source, W/m².
     irradiance: vec3f,
@@ -16,7 +17,7 @@ struct DirectSample {
 fn direct_sample(index: u32, p: vec3f) -> DirectSample {
     let light = punctual_light(index);
     if light.kind == KIND_SUN {
-        return DirectSample(-light.direction, ENDLESS, light.intensity, true);
+        return DirectSample(-light.direction, FAR_AWAY, light.intensity, true);
     }
     let distance = length(light.position - p);
     let direction = normalize_or_zero(light.position - p);

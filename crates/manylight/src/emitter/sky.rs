@@ -10,7 +10,7 @@ use std::f32::consts::PI;
 pub struct SkyEmitter {
     sky: Sky,
     /// Over texels, by luminance and solid angle; unused for a constant sky.
-    by_flux: Discrete,
+    pub(super) by_flux: Discrete,
     mean: Vec3,
 }
 

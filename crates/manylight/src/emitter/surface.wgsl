@@ -3,6 +3,7 @@
 import package::emitter::sources;
 import package::math::warp;
 import package::surface::point;
+import package::world::rays;
 
 struct SurfaceSample {
     position: vec3f,

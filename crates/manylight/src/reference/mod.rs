@@ -18,6 +18,9 @@ use crate::world::{Hit, World};
 use glam::{Vec2, Vec3};
 use std::f32::consts::PI;
 
+/// Tells the seeds of pixels from those of other things with the same index.
+pub(crate) const PIXEL_KEY: u32 = 0x3c6e_f372;
+
 /// Radiance of one camera path, split by the length of the light's way.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PathSample {

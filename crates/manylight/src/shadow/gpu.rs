@@ -3,8 +3,6 @@
 use super::SEGMENT_END;
 use crate::gpu::{Constant, Value};
 
-/// Constants of the room's shaders, and the distance of what is infinitely far.
-pub const CONSTANTS: &[Constant] = &[
-    Constant { name: "SEGMENT_END", value: Value::F32(SEGMENT_END) },
-    Constant { name: "ENDLESS", value: Value::F32(f32::MAX) },
-];
+/// Constants of the room's shaders.
+pub const CONSTANTS: &[Constant] =
+    &[Constant { name: "SEGMENT_END", value: Value::F32(SEGMENT_END) }];

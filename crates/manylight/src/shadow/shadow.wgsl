@@ -1,12 +1,11 @@
 // Shadow rays between a receiver and a light; twin of mod.rs.
 
-import package::bvh::traverse;
 import package::surface::point;
-import package::world::scene;
+import package::world::rays;
 
-// Whether a direction (unit, `distance` may be ENDLESS) is free of obstacles.
+// Whether a direction (unit, `distance` may be FAR_AWAY) is free of obstacles.
 fn is_open(s: SurfacePoint, direction: vec3f, distance: f32) -> bool {
-    let t_max = select(distance * SEGMENT_END, ENDLESS, distance >= ENDLESS);
+    let t_max = select(distance * SEGMENT_END, FAR_AWAY, distance >= FAR_AWAY);
     return !occluded(Ray(ray_origin(s), t_max, direction));
 }
 

@@ -1,10 +1,10 @@
 //! Virtual lights on emissive triangles, on the device.
 
 use super::{GpuVpls, VplInfo, VplRecord};
-use crate::emitter;
 use crate::error::Error;
 use crate::gpu::scan::Scan;
 use crate::gpu::{Buf, Constant, GROUP, Gpu, MAX_GROUPS, Recorder, Value, kernel, record};
+use crate::{bvh, emitter, world};
 
 const CONSTANTS: &[Constant] = &[Constant { name: "MAX_GROUPS", value: Value::U32(MAX_GROUPS) }];
 
@@ -21,14 +21,14 @@ record! {
 kernel! {
     /// Which draws shine.
     struct FindEmitters = "vlight/vpl/gpu/find_emitters", [GROUP, 1, 1], scene,
-        [CONSTANTS, emitter::gpu::CONSTANTS];
+        [CONSTANTS, emitter::gpu::CONSTANTS, world::gpu::CONSTANTS, bvh::gpu::CONSTANTS];
     uniform params: EmitterParams, write shines: u32
 }
 
 kernel! {
     /// Those that shine, in order.
     struct PlaceEmitters = "vlight/vpl/gpu/place_emitters", [GROUP, 1, 1], scene,
-        [CONSTANTS, emitter::gpu::CONSTANTS];
+        [CONSTANTS, emitter::gpu::CONSTANTS, world::gpu::CONSTANTS, bvh::gpu::CONSTANTS];
     uniform params: EmitterParams, read offsets: u32, write lights: VplRecord,
     write info: VplInfo
 }

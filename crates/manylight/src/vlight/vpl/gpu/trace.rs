@@ -5,14 +5,13 @@
 //! is the same whatever the batches are: path j draws from (seed, j, dimension) alone.
 
 use super::{GpuVpls, VplInfo, VplRecord};
-use crate::emitter;
 use crate::error::Error;
 use crate::gpu::scan::Scan;
 use crate::gpu::{
     Buf, Constant, GROUP, Gpu, MAX_GROUPS, Recorder, Uniform, Value, kernel, record,
 };
-use crate::shadow;
 use crate::vlight::vpl::trace::{BATCH, MAX_NORMAL_CORRECTION, PATHS_PER_LIGHT};
+use crate::{bvh, emitter, world};
 
 /// Fewest and most lights that a batch has slots for; the most are 96 MiB.
 const SLOTS: [u32; 2] = [1 << 16, 1 << 21];
@@ -79,7 +78,7 @@ record! {
 kernel! {
     /// Traces the paths of a batch.
     struct TracePaths = "vlight/vpl/gpu/trace_paths", [PATH_GROUP, 1, 1], scene,
-        [CONSTANTS, emitter::gpu::CONSTANTS, shadow::gpu::CONSTANTS];
+        [CONSTANTS, emitter::gpu::CONSTANTS, world::gpu::CONSTANTS, bvh::gpu::CONSTANTS];
     uniform params: PathParams, shared state: TraceState, write slots: VplRecord,
     write counts: u32
 }

@@ -1,6 +1,5 @@
 // One light path per invocation, a virtual light at every hit; twin of trace_path in trace.rs.
 
-import package::bvh::traverse;
 import package::emitter::emit;
 import package::gpu::index;
 import package::math::color;
@@ -9,6 +8,7 @@ import package::math::warp;
 import package::surface::point;
 import package::vlight::vpl::record;
 import package::vlight::vpl::gpu::state;
+import package::world::rays;
 
 struct PathParams {
     seed: u32,
@@ -35,7 +35,7 @@ fn main(
     }
     var sequence = new_sequence(params.seed, state.path_count + path);
     let emitted = emit(&sequence);
-    var ray = Ray(emitted.origin, ENDLESS, emitted.direction);
+    var ray = Ray(emitted.origin, FAR_AWAY, emitted.direction);
     var flux = emitted.flux;
     var count = 0u;
     for (var bounce = 0u; bounce < params.bounces && emitted.found; bounce++) {
@@ -64,7 +64,7 @@ fn main(
         }
         flux /= survival;
         let direction = cosine_hemisphere(s.ng, next_2d(&sequence));
-        ray = Ray(ray_origin(s), ENDLESS, direction);
+        ray = Ray(ray_origin(s), FAR_AWAY, direction);
     }
     counts[path] = count;
 }

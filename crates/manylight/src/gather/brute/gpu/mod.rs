@@ -8,7 +8,7 @@ use crate::error::Error;
 use crate::gpu::{Buf, Constant, Gpu, MAX_GROUPS, Value, kernel, record};
 use crate::surface::gpu::GpuReceivers;
 use crate::vlight::vpl::gpu::VplRecord;
-use crate::{direct, shadow};
+use crate::{bvh, direct, shadow, surface, world};
 use std::time::Instant;
 
 /// Lights that are summed by themselves.
@@ -70,7 +70,8 @@ record! {
 kernel! {
     /// Sums a run of lights.
     struct Sum = "gather/brute/sum", [GROUP, 1, 1], scene,
-        [CONSTANTS, direct::gpu::CONSTANTS, shadow::gpu::CONSTANTS];
+        [CONSTANTS, shadow::gpu::CONSTANTS, surface::gpu::CONSTANTS, world::gpu::CONSTANTS,
+         bvh::gpu::CONSTANTS];
     uniform params: SumParams, read positions: [f32; 4], read normals: [f32; 4],
     read lights: VplRecord, write sums: SumRecord
 }
@@ -175,3 +176,6 @@ impl GpuBrute {
         rec.dispatch_items(&Finish { params, sums, unshadowed, shadowed, ratios }, pixels);
     }
 }
+
+#[cfg(test)]
+mod tests;

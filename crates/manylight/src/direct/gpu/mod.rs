@@ -5,14 +5,13 @@
 
 use super::{EXACT_LIGHTS, SKY_CANDIDATES};
 use crate::gpu::{Buf, Constant, GROUP, MAX_GROUPS, Recorder, Value, kernel, record};
-use crate::surface::gpu::{GpuReceivers, NO_SURFACE};
-use crate::{emitter, shadow};
+use crate::surface::gpu::GpuReceivers;
+use crate::{bvh, emitter, shadow, surface, world};
 
 /// Constants of this room's shaders.
 pub const CONSTANTS: &[Constant] = &[
     Constant { name: "EXACT_LIGHTS", value: Value::U32(EXACT_LIGHTS as u32) },
     Constant { name: "SKY_CANDIDATES", value: Value::U32(SKY_CANDIDATES) },
-    Constant { name: "NO_SURFACE", value: Value::F32(NO_SURFACE) },
     Constant { name: "SMALLEST", value: Value::F32(f32::MIN_POSITIVE) },
 ];
 const LISTS: &[Constant] = &[Constant { name: "MAX_GROUPS", value: Value::U32(MAX_GROUPS) }];
@@ -46,7 +45,8 @@ record! {
 kernel! {
     /// Irradiance from sun, point and spot lights.
     struct FromLights = "direct/from_lights", [GROUP, 1, 1], scene,
-        [CONSTANTS, LISTS, emitter::gpu::CONSTANTS, shadow::gpu::CONSTANTS];
+        [CONSTANTS, LISTS, emitter::gpu::CONSTANTS, shadow::gpu::CONSTANTS,
+         surface::gpu::CONSTANTS, world::gpu::CONSTANTS, bvh::gpu::CONSTANTS];
     uniform params: LightParams, read positions: [f32; 4], read normals: [f32; 4],
     write irradiance: [f32; 4]
 }
@@ -54,7 +54,8 @@ kernel! {
 kernel! {
     /// Irradiance from the sky and its shadow ratio.
     struct FromSky = "direct/from_sky", [GROUP, 1, 1], scene,
-        [CONSTANTS, LISTS, emitter::gpu::CONSTANTS, shadow::gpu::CONSTANTS];
+        [CONSTANTS, LISTS, emitter::gpu::CONSTANTS, shadow::gpu::CONSTANTS,
+         surface::gpu::CONSTANTS, world::gpu::CONSTANTS, bvh::gpu::CONSTANTS];
     uniform params: SkyParams, read positions: [f32; 4], read normals: [f32; 4],
     write unshadowed: [f32; 4], write ratios: [f32; 2]
 }
@@ -110,3 +111,6 @@ pub fn record_sky(
     let GpuReceivers { positions, normals, .. } = receivers;
     rec.dispatch_items(&FromSky { params, positions, normals, unshadowed, ratios }, pixels);
 }
+
+#[cfg(test)]
+mod tests;

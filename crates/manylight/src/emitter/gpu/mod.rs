@@ -6,9 +6,10 @@
 //! Limits: 16 B per texel of a sky map, in one list with everything else.
 
 use super::Emitters;
-use crate::gpu::{Constant, Value};
+use crate::gpu::{Constant, GROUP, Value, kernel, record};
 use crate::math::Discrete;
 use crate::world::World;
+use crate::{bvh, world};
 use glam::Vec3;
 use manylight_scene::{Light, Sky, SkyMap};
 
@@ -78,6 +79,27 @@ pub const CONSTANTS: &[Constant] = &[
     word("SKY_CONSTANT", SKY_CONSTANT as usize),
     word("SKY_MAP", SKY_MAP as usize),
 ];
+
+record! {
+    /// What [`Probe`] needs to know.
+    pub struct ProbeParams {
+        /// Points.
+        pub count: u32,
+        /// Of their sequence.
+        pub seed: u32,
+    }
+}
+
+kernel! {
+    /// Everything that is drawn from the sources at points of a sequence, for comparison.
+    pub struct Probe = "emitter/probe", [GROUP, 1, 1], scene,
+        [CONSTANTS, world::gpu::CONSTANTS, bvh::gpu::CONSTANTS];
+    uniform params: ProbeParams, write found: [f32; 48]
+}
+
+/// Every kernel of this room.
+#[cfg(test)]
+pub(crate) const KERNELS: &[&crate::gpu::KernelInfo] = &[&Probe::INFO];
 
 /// The sources as words.
 ///
@@ -185,3 +207,8 @@ fn light_words(light: &Light) -> [u32; LIGHT_WORDS] {
     words[10..12].copy_from_slice(&cosines.map(f32::to_bits));
     words
 }
+
+#[cfg(test)]
+pub(crate) mod testing;
+#[cfg(test)]
+mod tests;
