@@ -14,7 +14,7 @@ use crate::error::Error;
 use crate::filter::{self, Noisy};
 use crate::gather::{Gathered, brute, grid};
 use crate::math::{Sequence, hash_u32, morton_2d};
-use crate::reference::PathTracer;
+use crate::reference::{PIXEL_KEY, PathTracer};
 use crate::settings::{Method, Settings, VplSettings};
 use crate::surface::{Receivers, ViewFrame};
 use crate::vlight::vpl;
@@ -319,7 +319,7 @@ impl Renderer {
         let spp = settings.path.spp;
         let pixels = clock.run_rows("paths", view.height, |tick| {
             let pixel = |i: usize| {
-                let seed = hash_u32(settings.seed ^ hash_u32(i as u32 ^ 0x3c6e_f372));
+                let seed = hash_u32(settings.seed ^ hash_u32(i as u32 ^ PIXEL_KEY));
                 let mut sums = [glam::DVec3::ZERO; 3];
                 for s in 0..spp {
                     let (x, y) = (i % view.width, i / view.width);
