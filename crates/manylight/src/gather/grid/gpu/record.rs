@@ -104,6 +104,38 @@ record! {
     }
 }
 
+/// What a hierarchy has room for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct GridCapacity {
+    /// Virtual lights.
+    pub vpls: usize,
+    /// Cells of all levels, and a sentinel for each level.
+    pub cells: usize,
+    /// Grid lights of all levels.
+    pub lights: usize,
+}
+
+impl GridCapacity {
+    /// What most sets of some virtual lights need.
+    pub fn for_vpls(vpls: usize) -> Self {
+        Self { vpls, cells: vpls + 1024, lights: vpls + vpls / 4 + 4096 }
+    }
+
+    /// Room for what a build needed, with some to spare; `None` where there was enough.
+    pub fn grown(&self, info: &GridInfo) -> Option<Self> {
+        let (cells, lights) = (info.cell_count as usize, info.light_count as usize);
+        let mut grown = *self;
+        if cells > self.cells {
+            // The lights were not counted: every cell has one of its own at least.
+            grown.cells = cells + cells / 8;
+            grown.lights = self.lights.max(cells + cells / 4);
+        } else if lights > self.lights {
+            grown.lights = lights + lights / 8;
+        }
+        (grown != *self).then_some(grown)
+    }
+}
+
 /// The hierarchy over one set of virtual lights, on the device.
 ///
 /// The grid lights of a level follow each other by the first cell around their vertex, and by
@@ -136,7 +168,9 @@ impl GpuGrid {
     /// Room for a hierarchy.
     ///
     /// Errors: more than the device can hold in one list
-    pub fn new(gpu: &Gpu, vpls: usize, cells: usize, lights: usize) -> Result<Self, Error> {
+    pub fn new(gpu: &Gpu, capacity: &GridCapacity) -> Result<Self, Error> {
+        let GridCapacity { vpls, cells, lights } = *capacity;
+        let blocks = blocks_of(vpls) + vpls.div_ceil(SUPERBLOCK);
         Ok(Self {
             info: gpu.buffer("grid levels", 1)?,
             cells: gpu.buffer("grid cells", cells)?,
@@ -144,8 +178,7 @@ impl GpuGrid {
             octants: gpu.buffer("octants of grid lights", lights)?,
             vpls: gpu.buffer("sorted virtual lights", vpls)?,
             points: gpu.buffer("points of virtual lights", vpls)?,
-            blocks: gpu
-                .buffer("blocks of virtual lights", blocks_of(vpls) + vpls.div_ceil(SUPERBLOCK))?,
+            blocks: gpu.buffer("blocks of virtual lights", blocks)?,
         })
     }
 }
