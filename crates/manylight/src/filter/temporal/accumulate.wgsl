@@ -1,5 +1,6 @@
 // Adds a frame of one signal to those before it; twin of accumulate.
 
+import package::math::color;
 import package::filter::taps;
 
 struct AccumulateParams {
@@ -45,7 +46,11 @@ fn main(@builtin(global_invocation_id) pixel: vec3u) {
     var share = Share(here.x, max(here.y, LEAST_TRUST), 1.0);
     let taps = motion[index];
     if taps.x != NO_TAPS {
-        share = blend(share, rectify(recall(taps), neighborhood(pixel.xy, index)));
+        let history = rectify(recall(taps), neighborhood(pixel.xy, index));
+        // What is no number is forgotten, or it would stay.
+        if is_finite(vec3f(history.ratio, history.trust, 0.0)) {
+            share = blend(share, history);
+        }
     }
     shares[index] = vec2f(share.ratio, share.trust);
     frames[index] = share.frames;

@@ -269,12 +269,14 @@ mod tests {
         (ratio, (0..COUNT as u32).map(trust).collect())
     }
 
-    /// Share, trust and frames of every signal after every frame, by the device.
+    /// Share, trust and frames of every signal after every frame, by the device; `signal` makes
+    /// ratio and trust from a frame, its salt and rays.
     fn run(
         gpu: &Gpu,
         shots: &[Shot],
         rays: &[u32],
         settings: &FilterSettings,
+        signal: impl Fn(u32, u32, u32) -> (Vec<f32>, Vec<f32>),
     ) -> Vec<Vec<[f32; 3]>> {
         let [width, height] = SIZE;
         let guides = Guides::new(gpu, width, height).expect("guides");
@@ -313,8 +315,8 @@ mod tests {
         let settings = FilterSettings { history: 4, ..FilterSettings::default() };
         for name in ["cornell", "atrium"] {
             let shots = shots(gpu, name, 6);
-            let found = run(gpu, &shots, &rays, &settings);
-            assert_eq!(found, run(gpu, &shots, &rays, &settings), "two runs");
+            let found = run(gpu, &shots, &rays, &settings, signal);
+            assert_eq!(found, run(gpu, &shots, &rays, &settings, signal), "two runs");
             let mut history = History::default();
             let mut fresh = 0;
             for (n, shot) in shots.iter().enumerate() {
@@ -340,5 +342,37 @@ mod tests {
             }
             assert!(fresh > 3 * COUNT && fresh < 6 * COUNT, "{name}: {fresh}");
         }
+    }
+
+    #[test]
+    fn what_is_no_number_is_forgotten_on_the_device() {
+        let Some(gpu) = device() else { return };
+        let mut shots = shots(gpu, "cornell", 1);
+        let again = shots.remove(0);
+        let shot = |receivers: &Receivers| Shot {
+            view: again.view,
+            offset_px: again.offset_px,
+            receivers: receivers.clone(),
+            on_device: GpuReceivers::upload(gpu, receivers, |_| Vec3::ZERO).expect("upload"),
+        };
+        let mut empty = again.receivers.clone();
+        for sample in &mut empty.samples {
+            (sample.surface, sample.depth) = (None, f32::INFINITY);
+        }
+        let shots =
+            [shot(&again.receivers), shot(&again.receivers), shot(&again.receivers), shot(&empty)];
+        let odd = |frame: u32, _: u32, _: u32| {
+            let mut ratio = vec![0.5; COUNT];
+            if frame == 1 {
+                (ratio[COUNT / 2], ratio[COUNT / 3]) = (f32::NAN, f32::INFINITY);
+            }
+            (ratio, vec![1.0; COUNT])
+        };
+        let found = run(gpu, &shots, &[4], &FilterSettings::default(), odd);
+        let is_odd = |share: &&[f32; 3]| !((share[0] - 0.5).abs() < 1e-5 && share[1] == 1.0);
+        for (n, shares) in found.iter().enumerate() {
+            assert_eq!(shares.iter().filter(is_odd).count(), if n == 1 { 2 } else { 0 }, "{n}");
+        }
+        assert!(found[3].iter().all(|share| share[2] == 1.0), "no surface has a history");
     }
 }

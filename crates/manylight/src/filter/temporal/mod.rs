@@ -23,8 +23,8 @@ const PLANE_PIXELS: f32 = 1.0;
 const NORMAL_COS: f32 = 0.9;
 /// Least weight of all taps of the last frame: with less of them there is no history.
 const LEAST_TAPS: f32 = 0.01;
-/// How many standard deviations of a share history may be away from the mean around it. Above √3, a
-/// lone receiver, which is a quarter of that mean, is not clamped for being alone.
+/// How many standard deviations of a share history may be away from the mean around it. Above √3,
+/// a lone receiver, which is a quarter of that mean, is not clamped for being alone.
 const CLAMP: f32 = 2.0;
 
 /// A share of rays over several frames.
@@ -121,7 +121,10 @@ pub fn accumulate<'h>(
             let trust = noisy.trust.get(i).map_or(1.0, |trust| trust.max(LEAST_TRUST));
             let now = Share { ratio: noisy.ratio[i], trust, frames: 1.0 };
             let (Some(last), Some(taps)) = (&last, &taps[i]) else { return now };
-            blend(now, rectify(taps.recall(&last.signals[s]), around[i]), most)
+            let history = rectify(taps.recall(&last.signals[s]), around[i]);
+            // What is no number is forgotten, or it would stay.
+            let is_number = history.ratio.is_finite() && history.trust.is_finite();
+            if is_number { blend(now, history, most) } else { now }
         };
         let shares: Vec<Share> = (0..taps.len()).into_par_iter().map(share).collect();
         Accumulated {

@@ -189,7 +189,7 @@ fn what_drew_little_counts_little_in_time_too() {
         let noisy = [Noisy { ratio: &ratio, trust: &trust, frames: &[], rays: 1 }];
         let seen = accumulate(&noisy, &receivers, &view, CENTER, &mut history, &settings(64));
         for (i, found) in seen[0].ratio.iter().enumerate().filter(|_| n > 0) {
-            let draws = if failed(i) { (n + 1) / 2 } else { n / 2 + 1 } as f32;
+            let draws = if failed(i) { n.div_ceil(2) } else { n / 2 + 1 } as f32;
             let failures = (n + 1) as f32 - draws;
             let expected = 0.75 * draws / (draws + LEAST_TRUST * failures);
             assert!((found - expected).abs() < 1e-3, "frame {n}: {found} for {expected}");
@@ -210,6 +210,22 @@ fn the_filter_trusts_shares_of_many_frames() {
     let (one, many) = (edge(&[]), edge(&vec![1000.0; 64 * 16]));
     assert!(one < 0.02 && many > 0.03, "{one} and {many}");
     assert_eq!(one, edge(&vec![1.0; 64 * 16]));
+}
+
+#[test]
+fn what_is_no_number_is_forgotten() {
+    let (receivers, view) = seen_wall(Vec2::ZERO);
+    let mut history = History::default();
+    for n in 0..3 {
+        let mut ratio = vec![0.5; COUNT];
+        if n == 1 {
+            (ratio[500], ratio[700]) = (f32::NAN, f32::INFINITY);
+        }
+        let noisy = [Noisy { ratio: &ratio, trust: &[], frames: &[], rays: 4 }];
+        let seen = accumulate(&noisy, &receivers, &view, CENTER, &mut history, &settings(16));
+        let odd = seen[0].ratio.iter().filter(|r| (*r - 0.5).abs() > 1e-5 || r.is_nan()).count();
+        assert_eq!(odd, if n == 1 { 2 } else { 0 }, "frame {n}");
+    }
 }
 
 #[test]
