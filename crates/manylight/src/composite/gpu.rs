@@ -312,28 +312,30 @@ mod tests {
         gathers: Vec<(Gathered, bool)>,
     }
 
-    fn sample(renderer: &Renderer, view: &ViewFrame, key: u32, is_lit: bool) -> Sample {
+    /// `is_exact` tells whether the gather of indirect light is; `None`: there is none.
+    fn sample(renderer: &Renderer, view: &ViewFrame, key: u32, is_exact: Option<bool>) -> Sample {
         let offset = Vec2::new(random(0, key), random(1, key));
         let receivers = Receivers::trace(&renderer.world, view, offset, true);
         let count = receivers.samples.len();
-        let mut exact = Gathered::dark(count);
-        let sums = colors(count, key + 10).into_iter().zip(colors(count, key + 20));
-        // Some are all dark.
-        let dark = |i| random(i, key) < 0.1;
-        let sums =
-            sums.enumerate().map(|(i, (a, b))| if dark(i) { [Vec3::ZERO; 2] } else { [a + b, b] });
-        exact.set_exact(sums);
-        let rays = |key: u32| {
+        let gathered = |key: u32, is_exact: bool| {
             let mut gathered = Gathered::dark(count);
-            gathered.unshadowed = colors(count, key);
-            gathered.shadow_ratio = (0..count).map(|i| random(i, key + 5)).collect();
             gathered.evals = (0..count as u32).map(|i| hash_u32(i ^ key) % 900).collect();
+            let (all, seen) = (colors(count, key), colors(count, key + 5));
+            if is_exact {
+                // Some are all dark.
+                let sum = |i: usize| match random(i, key) < 0.1 {
+                    true => [Vec3::ZERO; 2],
+                    false => [all[i] + seen[i], seen[i]],
+                };
+                gathered.set_exact((0..count).map(sum));
+            } else {
+                gathered.unshadowed = all;
+                gathered.shadow_ratio = seen.iter().map(|seen| seen.x).collect();
+            }
             gathered
         };
-        let mut gathers = vec![(exact, true), (rays(key + 30), true)];
-        if is_lit {
-            gathers.push((rays(key + 40), false));
-        }
+        let mut gathers = vec![(gathered(key + 10, true), true), (gathered(key + 20, false), true)];
+        gathers.extend(is_exact.map(|is_exact| (gathered(key + 30, is_exact), false)));
         Sample { receivers, irradiance: colors(count, key + 50), gathers }
     }
 
@@ -424,10 +426,10 @@ mod tests {
         let shot = manylight_scene::builtin("atrium").expect("atrium");
         let renderer = Renderer::new(shot.scene).expect("atrium");
         let view = ViewFrame::new(&shot.camera, SIZE[0], SIZE[1]);
-        for is_lit in [true, false] {
-            let one = [sample(&renderer, &view, 100, is_lit)];
+        for is_exact in [Some(false), Some(true), None] {
+            let one = [sample(&renderer, &view, 100, is_exact)];
             assert_alike(&layers(&one[0]), &run(gpu, &one));
-            let three = [1000, 2000, 3000].map(|key| sample(&renderer, &view, key, is_lit));
+            let three = [1000, 2000, 3000].map(|key| sample(&renderer, &view, key, is_exact));
             let mut sum = layers(&three[0]).scaled(1.0 / 3.0);
             three[1..].iter().for_each(|s| sum.add_weighted(&layers(s), 1.0 / 3.0));
             let found = run(gpu, &three);

@@ -16,7 +16,7 @@ const STEPS: u32 = 256 * STEPS_PER_STOP;
 /// One of so many pixels is left out at the dark, and one at the bright end.
 const TRIM_PARTS: u32 = 10;
 /// Stop of the luminance that automatic exposure maps the log-average to, log2 of 0.18.
-const MIDDLE_GREY_STOP: f32 = -2.473_931_1;
+const MIDDLE_GREY_STOP: f32 = -2.473_931;
 /// Most stops that automatic exposure moves.
 const MAX_EV: f32 = 24.0;
 

@@ -219,7 +219,7 @@ impl Filter {
 
     /// Smooths shares along surfaces; twin of [`atrous`](super::atrous).
     ///
-    /// Shapes: each signal `[h·w]`; out, share and variance for each, `[h·w]`, until the next call
+    /// Shapes: each signal `[h·w]`; out, share and variance of each, `[h·w]`, until the next call
     /// Panics: for more signals than there is memory for
     /// Cost:   9 taps a pass and receiver for every two signals
     pub fn record<'a>(
@@ -258,7 +258,7 @@ impl Filter {
         filtered
     }
 
-    /// The guess and the first pass of one or two signals; twin of [`first_pass`](super::first_pass).
+    /// The guess and the first pass of one or two signals; twin of `first_pass`.
     fn record_first(&self, rec: &mut Recorder<'_>, guides: &Guides, signals: &[GpuNoisy<'_>]) {
         // A lone signal is its own companion.
         let pair = [signals[0], signals[signals.len() - 1]];

@@ -10,6 +10,7 @@
 pub mod gpu;
 mod planes;
 mod sweep;
+pub mod temporal;
 
 use crate::math::luminance;
 use crate::settings::FilterSettings;

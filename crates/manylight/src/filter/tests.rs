@@ -5,9 +5,9 @@ use glam::Vec3;
 use manylight_scene::{Camera, Projection};
 
 /// Distance between receivers, metres.
-const PIXEL: f32 = 0.01;
+pub(super) const PIXEL: f32 = 0.01;
 
-fn wall(width: usize, height: usize, normal: impl Fn(usize) -> Vec3) -> Receivers {
+pub(super) fn wall(width: usize, height: usize, normal: impl Fn(usize) -> Vec3) -> Receivers {
     let samples = (0..width * height).map(|i| {
         let (x, y) = (i % width, i / width);
         let surface = SurfacePoint {
@@ -23,7 +23,7 @@ fn wall(width: usize, height: usize, normal: impl Fn(usize) -> Vec3) -> Receiver
     Receivers { width, height, samples: samples.collect() }
 }
 
-fn view(receivers: &Receivers) -> ViewFrame {
+pub(super) fn view(receivers: &Receivers) -> ViewFrame {
     let camera = Camera {
         name: String::new(),
         position: Vec3::new(0.0, 0.0, 5.0),

@@ -63,6 +63,8 @@ pub const SHADERS: &[(&str, &str)] = shaders![
     "filter/first",
     "filter/pass",
     "filter/split",
+    "filter/temporal/reproject",
+    "filter/temporal/accumulate",
     "composite/brdf",
     "composite/begin",
     "composite/gathered",
