@@ -2,6 +2,8 @@
 //!
 //! In: [`Scene`], camera, [`Settings`] · Out: [`Frame`]
 
+#[cfg(feature = "gpu")]
+pub mod gpu;
 mod layers;
 mod stage;
 
@@ -86,10 +88,7 @@ impl Renderer {
         progress: Progress<'_>,
     ) -> Result<Frame, Error> {
         settings.validate()?;
-        if width == 0 || height == 0 || width.saturating_mul(height) > MAX_PIXELS {
-            let problem = format!("{width}x{height} is empty or above {MAX_PIXELS} pixels");
-            return Err(Error::Setting { path: "size".to_owned(), problem });
-        }
+        check_size([width, height])?;
         let view = ViewFrame::new(camera, width, height);
         let mut clock = Clock::new(progress);
         let samples = if settings.method == Method::Path { 1 } else { settings.film.samples };
@@ -349,6 +348,15 @@ impl Renderer {
     fn sky(&self, direction: Vec3) -> Vec3 {
         self.emitters.sky.as_ref().map_or(Vec3::ZERO, |s| s.radiance(direction))
     }
+}
+
+/// Errors: a size without pixels or above [`MAX_PIXELS`]
+fn check_size([width, height]: [usize; 2]) -> Result<(), Error> {
+    if width > 0 && height > 0 && width.saturating_mul(height) <= MAX_PIXELS {
+        return Ok(());
+    }
+    let problem = format!("{width}x{height} is empty or above {MAX_PIXELS} pixels");
+    Err(Error::Setting { path: "size".to_owned(), problem })
 }
 
 #[cfg(test)]

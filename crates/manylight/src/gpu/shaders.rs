@@ -24,6 +24,7 @@ pub const SHADERS: &[(&str, &str)] = shaders![
     "surface/receivers",
     "surface/point",
     "vlight/vpl/record",
+    "emitter/background",
     "gather/grid/gpu/record",
     "gather/grid/gpu/build/around",
     "gather/grid/gpu/build/around_vertex",

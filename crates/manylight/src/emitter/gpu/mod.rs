@@ -6,11 +6,13 @@
 //! Limits: 16 B per texel of a sky map, in one list with everything else.
 
 use super::Emitters;
-use crate::gpu::{Constant, GROUP, Value, kernel, record};
+use crate::gpu::{Constant, GROUP, Recorder, Value, kernel, record};
 use crate::math::Discrete;
+use crate::surface::ViewFrame;
+use crate::surface::gpu::{GpuReceivers, ViewRecord};
 use crate::world::World;
-use crate::{bvh, world};
-use glam::Vec3;
+use crate::{bvh, surface, world};
+use glam::{Vec2, Vec3};
 use manylight_scene::{Light, Sky, SkyMap};
 
 /// Words of one punctual light: kind, position, direction, intensity or irradiance, two cosines.
@@ -97,9 +99,29 @@ kernel! {
     uniform params: ProbeParams, write found: [f32; 48]
 }
 
+kernel! {
+    /// The sky behind everything.
+    struct Background = "emitter/background", [8, 8, 1], scene,
+        [CONSTANTS, surface::gpu::CONSTANTS, world::gpu::CONSTANTS, bvh::gpu::CONSTANTS];
+    uniform view: ViewRecord, read positions: [f32; 4], write emissions: [f32; 4]
+}
+
 /// Every kernel of this room.
 #[cfg(test)]
-pub(crate) const KERNELS: &[&crate::gpu::KernelInfo] = &[&Probe::INFO];
+pub(crate) const KERNELS: &[&crate::gpu::KernelInfo] = &[&Probe::INFO, &Background::INFO];
+
+/// Radiance of the sky for pixels that see no surface; `offset_px` as for the receivers.
+pub fn record_background(
+    rec: &mut Recorder<'_>,
+    receivers: &GpuReceivers,
+    view: &ViewFrame,
+    offset_px: Vec2,
+) {
+    let GpuReceivers { width, height, positions, emissions, .. } = receivers;
+    let view = rec.uniform(&ViewRecord::new(view, offset_px));
+    let groups = [width.div_ceil(8) as u32, height.div_ceil(8) as u32, 1];
+    rec.dispatch(&Background { view, positions, emissions }, groups);
+}
 
 /// The sources as words.
 ///

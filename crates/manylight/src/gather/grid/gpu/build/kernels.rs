@@ -245,7 +245,6 @@ kernel! {
 }
 
 /// Every kernel of a build.
-#[cfg(test)]
 pub(super) const KERNELS: &[&[&KernelInfo]] = &[
     sort::KERNELS,
     &[
