@@ -10,7 +10,7 @@ use crate::surface::Receivers;
 use glam::Vec3;
 use manylight_scene::Sky;
 
-const SIZE: [usize; 2] = [47, 32];
+const SIZE: [usize; 2] = [37, 24];
 const PIXELS: usize = SIZE[0] * SIZE[1];
 const SEED: u32 = 21;
 

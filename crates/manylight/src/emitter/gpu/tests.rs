@@ -6,7 +6,7 @@ use crate::gpu::testing::{check_kernel, device};
 use crate::math::{Sequence, uniform_sphere};
 
 const SEED: u32 = 12;
-const POINTS: u32 = 8192;
+const POINTS: u32 = 4096;
 
 #[test]
 fn kernels_match_their_shaders() {
@@ -59,7 +59,7 @@ fn rays_leave_the_sources_as_on_the_processor() {
                 && agree(ray.flux, part(record, 2).0, 0.0);
             different += usize::from(!same);
         }
-        assert!(different <= 4, "{}: {different} rays", lit.name);
+        assert!(different <= 2, "{}: {different} rays", lit.name);
     }
 }
 
@@ -111,7 +111,7 @@ fn lights_give_a_point_the_same() {
             assert!(agree(s.direction, direction, 1.0), "{}: {s:?} {direction}", lit.name);
             assert!((near / distance - 1.0).abs() < 1e-5, "{}: {s:?} {distance}", lit.name);
         }
-        assert!(given > 1000, "{}: {given}", lit.name);
+        assert!(given > 500, "{}: {given}", lit.name);
     }
 }
 
@@ -135,8 +135,8 @@ fn directions_of_the_sky_agree() {
             looked_up += usize::from(!is_same || there != part(record, 8).0);
         }
         // Thresholds have 32 bits: in a dim texel they place a direction less well.
-        assert!(drawn <= 8, "{}: {drawn} draws", lit.name);
-        assert!(looked_up <= 40, "{}: {looked_up} look-ups", lit.name);
+        assert!(drawn <= 4, "{}: {drawn} draws", lit.name);
+        assert!(looked_up <= 20, "{}: {looked_up} look-ups", lit.name);
     }
 }
 

@@ -14,7 +14,7 @@ use glam::Vec2;
 use std::time::Instant;
 
 /// Samples that are summed by themselves.
-const BLOCK: u32 = 64;
+const BLOCK: u32 = 32;
 /// Most pixels of a dispatch.
 const TILE: usize = 1 << 18;
 /// What a submission should take, s: far below the time after which a driver gives up.

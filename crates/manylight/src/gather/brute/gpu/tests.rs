@@ -8,7 +8,7 @@ use crate::vlight::vpl::gpu::GpuVpls;
 use crate::vlight::vpl::{Vpl, trace};
 use glam::Vec3;
 
-const SIZE: [usize; 2] = [29, 20];
+const SIZE: [usize; 2] = [17, 12];
 const PIXELS: usize = SIZE[0] * SIZE[1];
 
 #[test]
@@ -80,7 +80,7 @@ fn sums_are_those_of_the_processor() {
     for lit in [&scenes(gpu)[0], &scenes(gpu)[6]] {
         let Renderer { world, emitters } = &lit.renderer;
         let (receivers, planes) = lit.receivers(gpu, SIZE);
-        let lights = trace(world, emitters, 1500, 3, 8, true).lights;
+        let lights = trace(world, emitters, 700, 3, 8, true).lights;
         let found = gathered(gpu, lit, &planes, &lights, 0.1);
         assert_agrees(lit, &receivers, &lights, 0.1, &found);
         let again = gathered(gpu, lit, &planes, &lights, 0.1);
@@ -96,11 +96,8 @@ fn no_light_and_one_light() {
     let found = gathered(gpu, lit, &planes, &[], 0.1);
     assert!(found.unshadowed.iter().chain(&found.shadowed).all(|e| *e == [0.0; 4]));
     assert!(found.ratios.iter().all(|r| *r == [1.0, 1.0]));
-    let light = Vpl {
-        position: Vec3::new(0.0, 1.9, 0.0),
-        normal: Vec3::NEG_Y,
-        intensity: Vec3::ONE,
-    };
+    let light =
+        Vpl { position: Vec3::new(0.0, 1.9, 0.0), normal: Vec3::NEG_Y, intensity: Vec3::ONE };
     let found = gathered(gpu, lit, &planes, &[light], 0.1);
     let all: f32 = found.shadowed.iter().map(|e| e[0]).sum();
     let expected: f32 = receivers
