@@ -13,7 +13,7 @@ struct Step {
     args: &'static [&'static str],
 }
 
-const STEPS: [Step; 4] = [
+const STEPS: [Step; 6] = [
     Step {
         name: "fmt",
         why: "differences should show thoughts, not blanks",
@@ -23,6 +23,16 @@ const STEPS: [Step; 4] = [
         name: "clippy",
         why: "undocumented items and likely mistakes stop here, tests and benches included",
         args: &["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"],
+    },
+    Step {
+        name: "cpu only",
+        why: "users without a graphics device build no graphics stack",
+        args: &["clippy", "-p", "manylight", "--no-default-features", "--", "-D", "warnings"],
+    },
+    Step {
+        name: "device",
+        why: "says which graphics device the tests run on, or why they skip it",
+        args: &["test", "-p", "manylight", "--lib", "says_which_device", "--", "--nocapture"],
     },
     Step {
         name: "test",

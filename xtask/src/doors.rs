@@ -5,7 +5,7 @@ use std::path::Path;
 use crate::Findings;
 use crate::source::{self, Source};
 
-const HOUSE: &str = "crates/manylight/src";
+pub(crate) const HOUSE: &str = "crates/manylight/src";
 
 /// Reads the list of rooms and every room's files.
 pub(crate) fn check(root: &Path) -> Result<Findings, String> {
@@ -21,6 +21,13 @@ pub(crate) fn check(root: &Path) -> Result<Findings, String> {
         findings.violations.extend(upward_doors(file, &rooms));
     }
     Ok(findings)
+}
+
+/// The rooms of the house, in order.
+pub(crate) fn rooms_of_house(root: &Path) -> Result<Vec<String>, String> {
+    let path = root.join(HOUSE).join("lib.rs");
+    let text = std::fs::read_to_string(&path);
+    Ok(rooms(&text.map_err(|e| format!("cannot read {}: {e}", path.display()))?))
 }
 
 /// Names of the modules that `lib.rs` lists, in order, test modules left out.

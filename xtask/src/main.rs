@@ -7,6 +7,8 @@ mod tidy;
 mod doors;
 mod cites;
 mod docs;
+mod shaders;
+mod setup;
 mod ci;
 
 use std::path::{Path, PathBuf};
@@ -25,8 +27,9 @@ pub(crate) struct Findings {
 type Scan = fn(&Path) -> Result<Findings, String>;
 
 /// Name, the reason it exists, and the scan.
-const SCANS: [(&str, &str, Scan); 4] = [
+const SCANS: [(&str, &str, Scan); 5] = [
     ("doors", "a room that uses a room below it turns the house into a knot", doors::check),
+    ("shaders", "a shader that no test links fails at its user's", shaders::check),
     ("tidy", "a file that does not fit in the head is not read", tidy::check),
     ("cites", "a citation that leads nowhere is worse than none", cites::check),
     ("docs", "prose about files goes stale where no machine looks", docs::check),
@@ -35,14 +38,17 @@ const SCANS: [(&str, &str, Scan); 4] = [
 fn main() -> ExitCode {
     let root = root();
     let Some(command) = std::env::args().nth(1) else {
-        eprintln!("cargo xtask <command>\n  ci     every check, in order; what .ci/run runs");
+        eprintln!("cargo xtask <command>\n  ci      every check, in order; what .ci/run runs");
+        eprintln!("  setup   installs what the checks need beyond Rust");
         for (name, why, _) in SCANS {
-            eprintln!("  {name:<6} {why}");
+            eprintln!("  {name:<7} {why}");
         }
         return ExitCode::from(2);
     };
-    if command == "ci" {
-        return ci::run(&root);
+    match command.as_str() {
+        "ci" => return ci::run(&root),
+        "setup" => return setup::run(),
+        _ => {}
     }
     match SCANS.iter().find(|scan| scan.0 == command) {
         Some((name, _, scan)) => match report(name, scan(&root)) {

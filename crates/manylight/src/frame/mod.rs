@@ -292,6 +292,7 @@ impl Renderer {
                 .map(|(Gathered { shadow_ratio: ratio, trust, .. }, rays)| Noisy {
                     ratio,
                     trust,
+                    frames: &[],
                     rays: *rays,
                 })
                 .collect();

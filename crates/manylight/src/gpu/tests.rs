@@ -35,3 +35,10 @@ fn memory_is_counted_until_it_is_dropped() {
 fn kernels_match_their_shaders() {
     super::KERNELS.iter().for_each(|kernel| super::testing::check_kernel(kernel));
 }
+
+#[test]
+fn says_which_device() {
+    if let Some(gpu) = device() {
+        println!("tests of the graphics device run on {}", gpu.name());
+    }
+}

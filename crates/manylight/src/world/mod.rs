@@ -49,6 +49,7 @@ pub struct World {
 #[derive(Debug)]
 struct Shared {
     /// Index into the scene's meshes.
+    #[cfg(feature = "gpu")]
     mesh: usize,
     bvh: Bvh,
     /// Builder position → triangle of the mesh.
@@ -158,7 +159,12 @@ impl World {
         }
         let bounds = bounds_of(build.iter().flat_map(|t| t.corners));
         let shared = self.shared.len() as u32;
-        self.shared.push(Shared { mesh, bvh: Bvh::build(&build), triangles });
+        self.shared.push(Shared {
+            #[cfg(feature = "gpu")]
+            mesh,
+            bvh: Bvh::build(&build),
+            triangles,
+        });
         for &instance in instances {
             let world_from_object = self.scene.instances[instance as usize].world_from_object;
             let bounds = placed_bounds(&world_from_object, bounds);

@@ -16,12 +16,16 @@ use glam::Vec3;
 
 /// Share of the variance that adds to the squared distance; 1 is second order at large distances,
 /// less makes up for the orders left out near by (`docs/decisions/0002-spread-of-grid-lights.md`).
-const FAR: f32 = 0.65;
+pub(super) const FAR: f32 = 0.65;
 /// Squared distance below which a light counts as this far, in variances and in m²: only keeps the
 /// arithmetic finite.
-const NEAREST_SQ: [f32; 2] = [1e-2, 1e-20];
+pub(super) const NEAREST_SQ: [f32; 2] = [1e-2, 1e-20];
 /// Least width of a soft clamp, m: keeps the fraction finite where there is no spread.
-const NO_SPREAD: f32 = 1e-10;
+pub(super) const NO_SPREAD: f32 = 1e-10;
+
+/// (p + q)² ≤ 2.74 p² + 1.58 q², and q² is three times as much.
+pub(super) const REACH_PULL: f32 = 2.74;
+pub(super) const REACH_SPREAD: f32 = 3.0 * 1.58;
 
 /// Squared distance from which on [`geometry`] is right.
 pub(super) fn nearest_sq(total_variance: f32) -> f32 {
@@ -44,13 +48,13 @@ pub(super) fn normal_spread(mean: Vec3) -> f32 {
 /// plane by Σ |mᵢ wᵢ| · 4vᵢ/(1 + 4vᵢ) ≤ √s; (p + q)² ≤ 2.74 p² + 1.58 q².
 pub(super) fn reach_behind(normal: Vec3, variance: Vec3) -> [f32; 2] {
     let s = (normal * normal * variance).element_sum();
-    [(2.74 + 3.0 * 1.58) * s, 3.0 * 1.58 * normal_spread(normal)]
+    [(REACH_PULL + REACH_SPREAD) * s, REACH_SPREAD * normal_spread(normal)]
 }
 
 /// Bounds how far below a receiver's horizon the mean of a light that it sees lies, squared: as
 /// [`reach_behind`], for any normal of the receiver.
 pub(super) fn reach_below(variance: Vec3) -> f32 {
-    (2.74 + 3.0 * 1.58) * variance.max_element()
+    (REACH_PULL + REACH_SPREAD) * variance.max_element()
 }
 
 /// Mean of cosθ_x · cosθ_l / d² over the lights of a grid light, m⁻², before blending.

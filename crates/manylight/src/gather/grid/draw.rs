@@ -13,7 +13,7 @@ use super::record::LightingGrid;
 use std::ops::Range;
 
 /// Most lights between two block boundaries that enclose a range.
-const MOST_SCANNED: usize = 2 * BLOCK;
+pub(super) const MOST_SCANNED: usize = 2 * BLOCK;
 
 /// The hat function of one vertex: Π (1 − |x/s − v|), x in level-1 cells.
 struct Hat {

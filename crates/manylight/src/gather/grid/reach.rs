@@ -11,14 +11,20 @@ use crate::surface::{Receivers, SurfacePoint};
 use rayon::prelude::*;
 
 /// Receivers asked for their number of lights.
-const ASKED: usize = 128;
+pub(super) const ASKED: usize = 128;
 /// Most corrections of alpha, and how near the number must be to end them.
-const STEPS: u32 = 6;
-const NEAR_ENOUGH: f32 = 0.01;
+pub(super) const STEPS: u32 = 6;
+pub(super) const NEAR_ENOUGH: f32 = 0.01;
 /// Least and most alpha that is chosen.
-const ALPHAS: [f32; 2] = [0.5, 4.0];
+pub(super) const ALPHAS: [f32; 2] = [0.5, 4.0];
 /// Number of lights ∝ alpha to this power, about: between surfaces (2) and the levels' sum (1).
-const GROWTH: f32 = 1.6;
+pub(super) const GROWTH: f32 = 1.6;
+
+/// Where the i-th of the receivers that are asked lies among all, 0…1: the golden ratio spreads
+/// them over rows and columns alike, at any width of the picture.
+pub(super) fn asked_share(i: usize) -> f64 {
+    (i as f64 * 0.618_033_988_749_894_9).fract()
+}
 
 /// Alpha of a gather: as set, or such that the receivers evaluate about `grid.evals` lights each.
 ///
@@ -29,8 +35,7 @@ pub(super) fn choose_alpha(grid: &LightingGrid, receivers: &Receivers, settings:
     }
     let surfaces: Vec<&SurfacePoint> =
         receivers.samples.iter().filter_map(|s| s.surface.as_ref()).collect();
-    // The golden ratio spreads them over rows and columns alike, at any width of the picture.
-    let pick = |i: usize| (i as f64 * 0.618_033_988_749_894_9).fract() * surfaces.len() as f64;
+    let pick = |i: usize| asked_share(i) * surfaces.len() as f64;
     let asked: Vec<&SurfacePoint> =
         (0..ASKED).filter_map(|i| surfaces.get(pick(i) as usize).copied()).collect();
     let mut alpha = 1.0;

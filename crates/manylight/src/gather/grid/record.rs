@@ -34,6 +34,15 @@ pub(super) struct Octants {
     pub cells: [u32; 8],
 }
 
+impl Octants {
+    /// The first cell with a share, times eight, and which of its corners the vertex is;
+    /// `u64::MAX` if there is none.
+    pub(super) fn first_corner(&self) -> u64 {
+        let corner = |i: usize| u64::from(self.cells[i]) * 8 + (7 - i as u64);
+        (0..8).filter(|&i| self.luminance[i] > 0.0).map(corner).min().unwrap_or(u64::MAX)
+    }
+}
+
 /// One level: the lights of all occupied vertices, sorted by (z, y, x, lobe).
 #[derive(Clone, Debug, Default)]
 pub struct Level {

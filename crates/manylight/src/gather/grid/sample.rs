@@ -26,7 +26,7 @@ pub const TILE: usize = 8;
 const TILE_BLOCK: usize = 4 * TILE;
 /// Largest weight of a shadow ray: bounds what one virtual light says about a pixel where it gives
 /// more than its grid light on average, as beside the horizon.
-const MOST_WEIGHT: f32 = 2.0;
+pub(super) const MOST_WEIGHT: f32 = 2.0;
 /// Irradiance of all receivers from the lights of a grid.
 ///
 /// Shapes: receivers `[h·w]`; out `[h·w]`

@@ -6,6 +6,7 @@ use super::walk::TileList;
 use crate::settings::Settings;
 use crate::surface::SurfacePoint;
 use glam::Vec3;
+use std::cmp::Reverse;
 
 /// A grid light as the inner loop reads it.
 #[derive(Clone, Copy, Debug, Default)]
@@ -64,9 +65,9 @@ impl Shell {
 /// together give too much where one rises and another falls. Along a surface, two of three axes
 /// vary, ∇²b is b′/d between the bends, and half the variance makes up for that; fitted with the
 /// rest of the spread, see [`contribution`].
-const NEARER: f32 = 0.3;
+pub(super) const NEARER: f32 = 0.3;
 /// Most variance of a grid light over three axes, in squared cells.
-const MOST_VARIANCE: f32 = 3.0;
+pub(super) const MOST_VARIANCE: f32 = 3.0;
 
 /// Blending of all levels: rises r/2 … r above the start level, falls r … 2r below the top.
 ///
@@ -157,7 +158,8 @@ impl Bounds {
     }
 }
 
-/// Replaces `list` by every light that can give something to a receiver inside the bounds.
+/// Replaces `list` by every light that can give something to a receiver inside the bounds, in the
+/// order of [`place`].
 pub(super) fn collect(
     grid: &LightingGrid,
     shells: &[Shell],
@@ -186,6 +188,17 @@ pub(super) fn collect(
         let high = (to_lattice(bounds.position[1]) + reach).ceil().as_ivec3();
         level.for_each_in(low.to_array(), high.to_array(), visit);
     }
+    list.sort_by_cached_key(|light| place(grid, light));
+}
+
+/// Where a light stands in a list, whatever way it was found: coarse levels first; in a level by
+/// the first cell around the vertex that has a share, then by corner of that cell.
+fn place(grid: &LightingGrid, light: &TileLight) -> (Reverse<u32>, u64) {
+    let in_level = match light.level {
+        0 => u64::from(grid.level0_lights[light.index as usize]),
+        level => grid.levels[level as usize - 1].octants[light.index as usize].first_corner(),
+    };
+    (Reverse(light.level), in_level)
 }
 
 /// Replaces `list` by those of the lights in `wider` that can reach inside narrower bounds.

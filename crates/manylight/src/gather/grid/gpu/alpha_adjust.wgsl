@@ -1,0 +1,34 @@
+// Corrects alpha by the number of lights that were counted; twin of the loop in reach.rs.
+import package::gather::grid::gpu::record;
+import package::gather::grid::gpu::reach;
+
+struct Wanted {
+    evals: u32,
+}
+
+@group(0) @binding(0) var<uniform> wanted: Wanted;
+@group(0) @binding(1) var<uniform> info: GridInfo;
+@group(0) @binding(2) var<storage, read> counts: array<u32>;
+@group(0) @binding(3) var<storage, read_write> reach: array<Reach>;
+
+@compute @workgroup_size(GROUP_X)
+fn main(@builtin(local_invocation_index) local: u32) {
+    if local > 0u || reach[0].is_done != 0u {
+        return;
+    }
+    if info.level_count == 0u || reach[0].asked == 0u {
+        reach[0].is_done = 1u;
+        return;
+    }
+    var evals = 0u;
+    for (var i = 0u; i < ASKED; i++) {
+        evals += counts[i];
+    }
+    let factor = f32(wanted.evals) * f32(reach[0].asked) / f32(max(evals, 1u));
+    if abs(factor - 1.0) < NEAR_ENOUGH {
+        reach[0].is_done = 1u;
+        return;
+    }
+    let alpha = reach[0].alpha * pow(factor, 1.0 / GROWTH);
+    reach[0].alpha = clamp(alpha, LEAST_ALPHA, MOST_ALPHA);
+}

@@ -1,0 +1,86 @@
+//! How much a gather has room for.
+
+use super::params::{BLOCK_PIXELS, BLOCK_SIDE, CHUNK, GatherStats, Pick, TILES};
+use crate::gather::grid::reach::ASKED;
+use crate::gpu::{Gpu, MAX_GROUPS};
+
+/// Room of a gather. Pictures are gathered in bands of blocks, and rays in slices, so that memory
+/// does not grow with the picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct GatherCapacity {
+    /// Most blocks of 16 × 16 pixels in a band; more use a large device better, and take about
+    /// 80 KiB each.
+    pub band_blocks: u32,
+    /// Chunks of 64 lights per block, on the average of a band.
+    pub block_chunks: u32,
+    /// Cells of one level that the search of one block has room for.
+    pub frontier: u32,
+    /// Most shadow rays of a receiver in a slice.
+    pub slice_rays: u32,
+}
+
+impl Default for GatherCapacity {
+    fn default() -> Self {
+        Self { band_blocks: 2048, block_chunks: 40, frontier: 4096, slice_rays: 4 }
+    }
+}
+
+/// Blocks of a picture, across and down.
+pub(super) fn blocks_of(width: usize, height: usize) -> [usize; 2] {
+    [width.div_ceil(BLOCK_SIDE), height.div_ceil(BLOCK_SIDE)]
+}
+
+impl GatherCapacity {
+    /// Bands as large as the picture and the device allow, and no larger than asked for.
+    pub(super) fn fit(mut self, gpu: &Gpu, width: usize, height: usize, rays: u32) -> Self {
+        let limits = gpu.device().limits();
+        let most = u64::from(limits.max_storage_buffer_binding_size).min(limits.max_buffer_size);
+        self.slice_rays = self.slice_rays.min(rays).max(1);
+        self.block_chunks = self.block_chunks.max(1);
+        // The search for alpha takes a frontier for each receiver that it asks.
+        let side_bytes = 2 * ASKED as u64 * 4;
+        self.frontier = u64::from(self.frontier).clamp(8, most / side_bytes) as u32;
+        let most_bytes = [
+            self.block_chunks as usize * BLOCK_PIXELS * 4,
+            (self.block_chunks as usize * CHUNK + 2) * 4,
+            2 * self.frontier as usize * 4,
+            BLOCK_PIXELS * self.slice_rays as usize * size_of::<[f32; 4]>(),
+        ];
+        let block_bytes = most_bytes.into_iter().max().unwrap_or(1) as u64;
+        let [x, y] = blocks_of(width, height);
+        let most_blocks = (most / block_bytes).min(u64::from(MAX_GROUPS) / TILES as u64);
+        self.band_blocks = u64::from(self.band_blocks).min((x * y) as u64).min(most_blocks) as u32;
+        self.band_blocks = self.band_blocks.max(1);
+        self
+    }
+
+    /// Chunks that a band has room for.
+    pub fn chunks(&self) -> u32 {
+        self.band_blocks.saturating_mul(self.block_chunks)
+    }
+
+    /// Room for what a gather would have needed, with some to spare; `None` where there was enough.
+    pub fn grown(&self, needed: &GatherStats) -> Option<Self> {
+        let mut grown = *self;
+        if needed.frontier > self.frontier {
+            grown.frontier = needed.frontier.saturating_add(needed.frontier / 4);
+        }
+        if needed.chunks > self.chunks() {
+            let per_block = needed.chunks.div_ceil(self.band_blocks);
+            grown.block_chunks = per_block.saturating_add(per_block / 4 + 1);
+        }
+        (grown != *self).then_some(grown)
+    }
+
+    /// Bytes of the lists, about.
+    pub fn bytes(&self, has_points: bool) -> u64 {
+        let blocks = u64::from(self.band_blocks);
+        let chunks = u64::from(self.chunks());
+        let rays = blocks * BLOCK_PIXELS as u64 * u64::from(self.slice_rays);
+        let point_bytes = if has_points { size_of::<[f32; 4]>() } else { 0 };
+        let chunk_bytes = CHUNK * 4 + TILES * 8 + BLOCK_PIXELS * 4;
+        chunks * chunk_bytes as u64
+            + blocks.max(ASKED as u64) * u64::from(self.frontier) * 8
+            + rays * (size_of::<Pick>() + point_bytes) as u64
+    }
+}

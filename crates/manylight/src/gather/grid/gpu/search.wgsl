@@ -1,0 +1,85 @@
+// The lights that can reach a block of receivers, in order: a workgroup per block. Twin of collect
+// in tiles.rs.
+//
+// Runs twice: the first time it counts chunks, into the head of `candidates`; prefix sums turn them
+// into places; the second time it fills them. What is left of a last chunk holds NO_LIGHT.
+import package::gather::grid::gpu::params;
+import package::gather::grid::gpu::tiles;
+import package::gather::grid::gpu::receiver_bounds;
+import package::gather::grid::gpu::descend;
+import package::gather::grid::gpu::stats;
+
+@group(0) @binding(0) var<uniform> params: GatherParams;
+@group(0) @binding(1) var<uniform> reach: Reach;
+@group(0) @binding(2) var<uniform> info: GridInfo;
+@group(0) @binding(3) var<storage, read> positions: array<vec4f>;
+@group(0) @binding(4) var<storage, read> normals: array<vec4f>;
+@group(0) @binding(5) var<storage, read> cells: array<Cell>;
+@group(0) @binding(6) var<storage, read> lights: array<GridLight>;
+@group(0) @binding(7) var<storage, read> vpls: array<Vpl>;
+@group(0) @binding(8) var<storage, read_write> frontier: array<u32>;
+@group(0) @binding(9) var<storage, read_write> candidates: array<u32>;
+@group(0) @binding(10) var<storage, read_write> stats: array<GatherStats>;
+
+// Where the list of this block begins, and its room.
+var<private> list_start: u32;
+var<private> list_room: u32;
+
+fn is_wanted(level: u32, index: u32, bounds: Bounds) -> bool {
+    return is_in_reach(load_light(level, index), level, bounds);
+}
+
+fn keep(place: u32, level: u32, index: u32) {
+    if place < list_room {
+        candidates[list_start + place] = (level << LEVEL_SHIFT) | index;
+    }
+}
+
+fn bounds_of_block(block: u32, local: u32) -> Bounds {
+    var own = no_bounds();
+    for (var i = local; i < BLOCK_PIXELS; i += GROUP_X) {
+        let tile = block * TILES + i / (TILE * TILE);
+        let pixel = pixel_index(pixel_position(tile, i % (TILE * TILE)));
+        if pixel == NO_PIXEL || positions[pixel].w >= NO_SURFACE {
+            continue;
+        }
+        let p = positions[pixel].xyz;
+        let n = normals[pixel].xyz;
+        own = join(own, Bounds(p, p, n, n));
+    }
+    return join_all(own, local);
+}
+
+@compute @workgroup_size(GROUP_X)
+fn main(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(local_invocation_index) local: u32,
+) {
+    let block = group.x;
+    let is_writing = params.is_writing != 0u;
+    list_start = 0u;
+    list_room = 0u;
+    if is_writing {
+        let first = candidates[block];
+        let chunks = min(candidates[block + 1u], params.chunk_capacity);
+        list_start = params.list_start + first * CHUNK;
+        list_room = (max(chunks, first) - first) * CHUNK;
+    }
+    fill_shells(local);
+    let bounds = bounds_of_block(block, local);
+    var seen = vec2u(0u);
+    if is_whole() && bounds.low.x <= bounds.high.x {
+        seen = descend(bounds, block, local);
+    }
+    if is_writing {
+        for (var i = seen.x + local; i < list_room; i += GROUP_X) {
+            candidates[list_start + i] = NO_LIGHT;
+        }
+    } else if local == 0u {
+        candidates[block] = (seen.x + CHUNK - 1u) / CHUNK;
+        if block == 0u {
+            candidates[params.block_count] = 0u;
+        }
+        atomicMax(&stats[0].frontier, seen.y);
+    }
+}

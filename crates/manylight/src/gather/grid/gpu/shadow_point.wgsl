@@ -1,0 +1,33 @@
+// Traces the rays to points in space; twin of is_point_seen in shadow/mod.rs.
+//
+// A pick whose point is seen gets IS_SEEN.
+import package::gather::grid::gpu::params;
+import package::surface::octahedral;
+import package::world::rays;
+
+@group(0) @binding(0) var<uniform> params: GatherParams;
+@group(0) @binding(1) var<storage, read_write> picks: array<Pick>;
+@group(0) @binding(2) var<storage, read> positions: array<vec4f>;
+@group(0) @binding(3) var<storage, read> normals: array<vec4f>;
+@group(0) @binding(4) var<storage, read> targets: array<vec4f>;
+
+@compute @workgroup_size(GROUP_X)
+fn main(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(local_invocation_index) local: u32,
+) {
+    let pixel = pixel_index(pixel_position(group.x, local));
+    if pixel == NO_PIXEL {
+        return;
+    }
+    let place = pick_place(group.x, local, group.y);
+    let light = picks[place].light;
+    if light == PICK_NONE || light == PICK_NOTHING {
+        return;
+    }
+    let p = positions[pixel].xyz;
+    let origin = p + unpack_octahedral(bitcast<u32>(normals[pixel].w)) * ray_offset(p);
+    if !occluded(Ray(origin, SEGMENT_END, targets[place].xyz - origin)) {
+        picks[place].light = light | IS_SEEN;
+    }
+}
