@@ -1,6 +1,5 @@
 use super::testing::{Lit, agree, scenes};
 use super::*;
-use crate::frame::Renderer;
 use crate::gpu::Gpu;
 use crate::gpu::testing::{check_kernel, device};
 use crate::math::{Sequence, uniform_sphere};
@@ -31,7 +30,7 @@ fn part(record: &[f32; 48], i: usize) -> (Vec3, f32) {
 fn the_same_sources_are_drawn() {
     let Some(gpu) = device() else { return };
     for lit in scenes(gpu) {
-        let emitters = &lit.renderer.emitters;
+        let emitters = &lit.emitters;
         for (i, record) in probe(gpu, lit).iter().enumerate() {
             let u = Sequence::new(SEED, i as u32).next_2d()[0];
             let source = emitters.by_flux.sample(u).expect("not dark");
@@ -47,7 +46,7 @@ fn the_same_sources_are_drawn() {
 fn rays_leave_the_sources_as_on_the_processor() {
     let Some(gpu) = device() else { return };
     for lit in scenes(gpu) {
-        let Renderer { world, emitters } = &lit.renderer;
+        let Lit { world, emitters, .. } = lit;
         let mut different = 0;
         for (i, record) in probe(gpu, lit).iter().enumerate() {
             let expected = emitters.emit(world, &mut Sequence::new(SEED, i as u32));
@@ -67,7 +66,7 @@ fn rays_leave_the_sources_as_on_the_processor() {
 fn points_on_emitters_agree() {
     let Some(gpu) = device() else { return };
     for lit in scenes(gpu) {
-        let Renderer { world, emitters } = &lit.renderer;
+        let Lit { world, emitters, .. } = lit;
         for (i, record) in probe(gpu, lit).iter().enumerate() {
             let mut sequence = Sequence::new(SEED, i as u32);
             let (choose, u) = (sequence.next_2d()[0], sequence.next_2d());
@@ -88,7 +87,7 @@ fn points_on_emitters_agree() {
 fn lights_give_a_point_the_same() {
     let Some(gpu) = device() else { return };
     for lit in scenes(gpu) {
-        let Renderer { world, emitters } = &lit.renderer;
+        let Lit { world, emitters, .. } = lit;
         if emitters.lights.is_empty() {
             continue;
         }
@@ -119,7 +118,7 @@ fn lights_give_a_point_the_same() {
 fn directions_of_the_sky_agree() {
     let Some(gpu) = device() else { return };
     for lit in scenes(gpu) {
-        let Some(sky) = &lit.renderer.emitters.sky else { continue };
+        let Some(sky) = &lit.emitters.sky else { continue };
         let (mut drawn, mut looked_up) = (0, 0);
         for (i, record) in probe(gpu, lit).iter().enumerate() {
             let mut sequence = Sequence::new(SEED, i as u32);

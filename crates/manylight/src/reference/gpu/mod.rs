@@ -189,12 +189,12 @@ impl GpuPaths {
             normal_maps: paths.normal_maps.into(),
             first_pixel,
             pixels,
-            begins: u32::from(sample % BLOCK == 0),
+            begins: u32::from(sample.is_multiple_of(BLOCK)),
             _pad: 0,
         });
         rec.dispatch_items(&Trace { params, emission, direct, indirect }, pixels as usize);
         let is_last = sample + 1 == paths.spp;
-        if !is_last && (sample + 1) % BLOCK != 0 {
+        if !is_last && !(sample + 1).is_multiple_of(BLOCK) {
             return;
         }
         let params = rec.uniform(&FoldParams {

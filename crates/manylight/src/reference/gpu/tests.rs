@@ -1,6 +1,5 @@
 use super::*;
 use crate::emitter::gpu::testing::{Lit, scenes};
-use crate::frame::Renderer;
 use crate::gpu::testing::{check_kernel, device};
 use crate::math::{Sequence, hash_u32};
 use crate::reference::PathTracer;
@@ -16,7 +15,7 @@ fn kernels_match_their_shaders() {
 }
 
 fn on_processor(lit: &Lit, view: &ViewFrame, paths: &Paths) -> Vec<[Vec3; 3]> {
-    let Renderer { world, emitters } = &lit.renderer;
+    let Lit { world, emitters, .. } = lit;
     let Paths { bounces, normal_maps, .. } = *paths;
     let tracer = PathTracer { world, emitters, bounces, normal_maps };
     let pixel = |i: usize| {

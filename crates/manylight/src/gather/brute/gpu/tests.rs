@@ -1,6 +1,5 @@
 use super::*;
 use crate::emitter::gpu::testing::{Lit, agree, scenes};
-use crate::frame::Renderer;
 use crate::gather::brute;
 use crate::gpu::testing::{check_kernel, device};
 use crate::surface::Receivers;
@@ -49,7 +48,7 @@ fn assert_agrees(lit: &Lit, receivers: &Receivers, lights: &[Vpl], d_min: f32, f
     let (mut off, mut evals_off, mut brightest) = (0, 0, 0.0f32);
     for (i, sample) in receivers.samples.iter().enumerate() {
         let sum = match &sample.surface {
-            Some(surface) => brute::sum(&lit.renderer.world, surface, lights, d_min),
+            Some(surface) => brute::sum(&lit.world, surface, lights, d_min),
             None => brute::BruteSum::default(),
         };
         brightest = brightest.max(sum.unshadowed.max_element());
@@ -78,7 +77,7 @@ fn assert_agrees(lit: &Lit, receivers: &Receivers, lights: &[Vpl], d_min: f32, f
 fn sums_are_those_of_the_processor() {
     let Some(gpu) = device() else { return };
     for lit in [&scenes(gpu)[0], &scenes(gpu)[6]] {
-        let Renderer { world, emitters } = &lit.renderer;
+        let Lit { world, emitters, .. } = lit;
         let (receivers, planes) = lit.receivers(gpu, SIZE);
         let lights = trace(world, emitters, 700, 3, 8, true).lights;
         let found = gathered(gpu, lit, &planes, &lights, 0.1);
@@ -104,7 +103,7 @@ fn no_light_and_one_light() {
         .samples
         .iter()
         .filter_map(|s| s.surface.as_ref())
-        .map(|s| brute::sum(&lit.renderer.world, s, &[light], 0.1).shadowed.x)
+        .map(|s| brute::sum(&lit.world, s, &[light], 0.1).shadowed.x)
         .sum();
     assert!((all / expected - 1.0).abs() < 2e-3, "{all} {expected}");
 }

@@ -1,7 +1,6 @@
 use super::*;
 use crate::emitter::Emitters;
 use crate::emitter::gpu::testing::{Lit, agree, darken, scenes};
-use crate::frame::Renderer;
 use crate::gpu::testing::{check_kernel, device};
 use crate::vlight::vpl::{VplSet, trace, trace_emitters};
 use crate::world::World;
@@ -78,7 +77,7 @@ fn assert_agrees(world: &World, expected: &[Vpl], found: &[VplRecord]) {
 fn light_paths_leave_the_lights_of_the_processor() {
     let Some(gpu) = device() else { return };
     for lit in scenes(gpu) {
-        let Renderer { world, emitters } = &lit.renderer;
+        let Lit { world, emitters, .. } = lit;
         for (count, bounces) in [(2000, 3), (500, 1), (500, 8)] {
             let name = format!("{}, {count} lights, {bounces} bounces", lit.name);
             let expected = trace(world, emitters, count, bounces, SEED, true);
@@ -114,7 +113,7 @@ fn a_set_is_the_same_whatever_the_batches_are() {
 fn few_lights_and_deep_paths() {
     let Some(gpu) = device() else { return };
     let lit = &scenes(gpu)[0];
-    let Renderer { world, emitters } = &lit.renderer;
+    let Lit { world, emitters, .. } = lit;
     for (count, bounces) in [(1, 1), (1, 8), (2, 64)] {
         let expected = trace(world, emitters, count, bounces, SEED, true);
         let (info, found) = traced(gpu, lit, count, bounces);
@@ -171,7 +170,7 @@ fn a_dark_scene_has_no_lights() {
 fn paths_that_find_nothing_end() {
     let Some(gpu) = device() else { return };
     // A lamp that shines away from all there is.
-    let lit = Lit::new(gpu, "cornell", "with a light outside", |scene| {
+    let lit = &Lit::new(gpu, "cornell", "with a light outside", |scene| {
         darken(scene);
         scene.lights.push(manylight_scene::Light::Spot {
             position: Vec3::new(0.0, 10.0, 0.0),
@@ -181,9 +180,9 @@ fn paths_that_find_nothing_end() {
             cos_inner: 0.95,
         });
     });
-    let Renderer { world, emitters } = &lit.renderer;
+    let Lit { world, emitters, .. } = lit;
     let expected = trace(world, emitters, 100, 3, SEED, true);
-    let (info, _) = traced(gpu, &lit, 100, 3);
+    let (info, _) = traced(gpu, lit, 100, 3);
     assert_eq!((info.count, info.missing), (0, 0));
     assert_eq!(u64::from(info.path_count), expected.path_count);
 }
@@ -201,7 +200,7 @@ fn on_emitters(gpu: &Gpu, scene: &GpuWorld, count: u32) -> (VplInfo, Vec<VplReco
 fn lights_on_emitters_are_those_of_the_processor() {
     let Some(gpu) = device() else { return };
     for lit in scenes(gpu) {
-        let Renderer { world, emitters } = &lit.renderer;
+        let Lit { world, emitters, .. } = lit;
         for count in [1, 2500] {
             let expected: VplSet = trace_emitters(world, emitters, count, SEED);
             let (info, found) = on_emitters(gpu, &lit.scene, count);
@@ -216,8 +215,8 @@ fn lights_on_emitters_are_those_of_the_processor() {
 #[test]
 fn lights_on_an_emitter_with_holes_keep_their_order() {
     let Some(gpu) = device() else { return };
-    let lit = holey_lamp(gpu);
-    let Renderer { world, emitters } = &lit.renderer;
+    let lit = &holey_lamp(gpu);
+    let Lit { world, emitters, .. } = lit;
     let expected = trace_emitters(world, emitters, 5000, SEED).lights;
     assert!(expected.len() > 1000 && expected.len() < 4000, "{}", expected.len());
     let (_, found) = on_emitters(gpu, &lit.scene, 5000);
@@ -229,7 +228,7 @@ fn lights_on_an_emitter_with_holes_keep_their_order() {
 fn holey_lamp(gpu: &Gpu) -> Lit {
     use manylight_scene::{AlphaMode, TextureImage, TextureSlot, Wrap};
     Lit::new(gpu, "cornell", "with a lamp with holes", |scene| {
-        let texel = |i: u32| [255, 255, 255, if (i / 4 + i % 4) % 2 == 0 { 255 } else { 0 }];
+        let texel = |i: u32| [255, 255, 255, if (i / 4 + i).is_multiple_of(2) { 255 } else { 0 }];
         scene.images.push(TextureImage {
             name: "holes".to_owned(),
             width: 4,
