@@ -5,6 +5,15 @@ import package::math::color;
 import package::math::sequence;
 import package::shadow::shadow;
 
+// Which lights are evaluated: all of few, else independent draws in proportion to the unshadowed
+// luminance.
+struct ChosenLights {
+    // The number of lights where there is none.
+    indices: array<u32, EXACT_LIGHTS>,
+    // Sum of all luminances, of draws; 0: no draws.
+    total: f32,
+}
+
 // What a light gives a receiver without visibility, its cosine included.
 fn unshadowed_light(index: u32, s: SurfacePoint) -> DirectSample {
     var light = direct_sample(index, s.position);
@@ -13,35 +22,23 @@ fn unshadowed_light(index: u32, s: SurfacePoint) -> DirectSample {
     return light;
 }
 
-fn is_light_seen(s: SurfacePoint, light: DirectSample) -> bool {
-    return light.found && is_open(s, light.direction, light.distance);
-}
-
-// With visibility, W/m²; exact for few lights, else by independent draws in proportion to the
-// unshadowed luminance.
-fn from_lights(s: SurfacePoint, sequence: ptr<function, Sequence>) -> vec3f {
+fn choose_lights(s: SurfacePoint, sequence: ptr<function, Sequence>) -> ChosenLights {
     let count = sources[SOURCE_LIGHT_COUNT];
-    var sum = vec3f(0.0);
-    if count <= EXACT_LIGHTS {
-        for (var i = 0u; i < count; i++) {
-            let light = unshadowed_light(i, s);
-            if is_light_seen(s, light) {
-                sum += light.irradiance;
-            }
-        }
-        return sum;
+    var chosen = ChosenLights(array<u32, EXACT_LIGHTS>(), 0.0);
+    for (var k = 0u; k < EXACT_LIGHTS; k++) {
+        chosen.indices[k] = select(count, k, count <= EXACT_LIGHTS && k < count);
     }
-    var total = 0.0;
+    if count <= EXACT_LIGHTS {
+        return chosen;
+    }
     for (var i = 0u; i < count; i++) {
         let light = unshadowed_light(i, s);
-        total += select(0.0, luminance(light.irradiance), light.found);
+        chosen.total += select(0.0, luminance(light.irradiance), light.found);
     }
     // All draws in one further look at the lights.
     var left: array<f32, EXACT_LIGHTS>;
-    var drawn: array<u32, EXACT_LIGHTS>;
     for (var k = 0u; k < EXACT_LIGHTS; k++) {
-        left[k] = next_1d(sequence) * total;
-        drawn[k] = count;
+        left[k] = next_1d(sequence) * chosen.total;
     }
     for (var i = 0u; i < count; i++) {
         let light = unshadowed_light(i, s);
@@ -53,18 +50,36 @@ fn from_lights(s: SurfacePoint, sequence: ptr<function, Sequence>) -> vec3f {
             // Until a draw has found its light, the latest one stands for it.
             if left[k] >= 0.0 {
                 left[k] -= share;
-                drawn[k] = i;
+                chosen.indices[k] = i;
             }
         }
     }
+    return chosen;
+}
+
+// Choice `k` without visibility, over its probability.
+fn chosen_light(chosen: ChosenLights, k: u32, s: SurfacePoint) -> DirectSample {
+    var indices = chosen.indices;
+    if indices[k] >= sources[SOURCE_LIGHT_COUNT] {
+        return DirectSample(vec3f(0.0), 0.0, vec3f(0.0), false);
+    }
+    var light = unshadowed_light(indices[k], s);
+    if light.found && chosen.total > 0.0 {
+        light.irradiance *= chosen.total / luminance(light.irradiance) / f32(EXACT_LIGHTS);
+    }
+    return light;
+}
+
+// With visibility, W/m².
+fn from_lights(s: SurfacePoint, sequence: ptr<function, Sequence>) -> vec3f {
+    let chosen = choose_lights(s, sequence);
+    var sum = vec3f(0.0);
     for (var k = 0u; k < EXACT_LIGHTS; k++) {
-        if drawn[k] >= count {
-            continue;
-        }
-        let light = unshadowed_light(drawn[k], s);
-        let weight = total / luminance(light.irradiance) / f32(EXACT_LIGHTS);
-        if is_light_seen(s, light) {
-            sum += light.irradiance * weight;
+        let light = chosen_light(chosen, k, s);
+        if light.found {
+            if is_open(s, light.direction, light.distance) {
+                sum += light.irradiance;
+            }
         }
     }
     return sum;

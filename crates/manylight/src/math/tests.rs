@@ -47,7 +47,7 @@ fn discrete_draws_in_proportion_and_never_a_zero() {
 #[test]
 fn thresholds_draw_what_sums_draw() {
     let key = |i: u32| unit_f32(hash_u32(i));
-    let skewed = |i: u32| if i % 3 == 0 { 0.0 } else { key(i).powi(20) * 1e9 };
+    let skewed = |i: u32| if i.is_multiple_of(3) { 0.0 } else { key(i).powi(20) * 1e9 };
     let tables: [Vec<f32>; 8] = [
         vec![0.0, 1.0, 0.0, 3.0, f32::NAN, -2.0, 0.0],
         vec![1.0, 1.0, 1.0],

@@ -1,7 +1,6 @@
 use super::*;
 use crate::direct::{from_lights, from_sky};
 use crate::emitter::gpu::testing::{Lit, agree, scenes};
-use crate::frame::Renderer;
 use crate::gather::Gathered;
 use crate::gpu::Gpu;
 use crate::gpu::testing::{check_kernel, device};
@@ -10,7 +9,7 @@ use crate::surface::Receivers;
 use glam::Vec3;
 use manylight_scene::Sky;
 
-const SIZE: [usize; 2] = [47, 32];
+const SIZE: [usize; 2] = [37, 24];
 const PIXELS: usize = SIZE[0] * SIZE[1];
 const SEED: u32 = 21;
 
@@ -35,7 +34,7 @@ fn compare(expected: &[Vec3], found: &[[f32; 4]]) -> (usize, f64) {
 fn lights_give_receivers_what_they_give_on_the_processor() {
     let Some(gpu) = device() else { return };
     for lit in scenes(gpu) {
-        let Renderer { world, emitters } = &lit.renderer;
+        let Lit { world, emitters, .. } = lit;
         if emitters.lights.is_empty() {
             continue;
         }
@@ -62,7 +61,7 @@ fn lights_give_receivers_what_they_give_on_the_processor() {
 }
 
 fn sky_on_processor(lit: &Lit, receivers: &Receivers, rays: u32) -> Gathered {
-    let Renderer { world, emitters } = &lit.renderer;
+    let Lit { world, emitters, .. } = lit;
     let sky = emitters.sky.as_ref().expect("a sky");
     let is_constant = matches!(world.scene.sky, Some(Sky::Constant(_)));
     let at = |i: usize| {
@@ -92,7 +91,7 @@ fn sky_on_device(gpu: &Gpu, lit: &Lit, planes: &GpuReceivers, rays: u32, exact: 
 fn the_sky_gives_receivers_what_it_gives_on_the_processor() {
     let Some(gpu) = device() else { return };
     for lit in scenes(gpu) {
-        if lit.renderer.emitters.sky.is_none() {
+        if lit.emitters.sky.is_none() {
             continue;
         }
         let (receivers, planes) = lit.receivers(gpu, SIZE);

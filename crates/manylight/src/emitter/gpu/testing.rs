@@ -1,11 +1,12 @@
 //! Scenes with every kind of source, on processor and device.
 
+use crate::emitter::Emitters;
 use crate::emitter::gpu::pack;
-use crate::frame::Renderer;
 use crate::gpu::Gpu;
 use crate::math::hash_u32;
 use crate::surface::gpu::GpuReceivers;
 use crate::surface::{Receivers, ViewFrame};
+use crate::world::World;
 use crate::world::gpu::GpuWorld;
 use glam::{Vec2, Vec3};
 use manylight_scene::{Camera, Light, Scene, Sky, SkyMap};
@@ -14,7 +15,8 @@ use std::sync::OnceLock;
 /// A scene on both sides.
 pub(crate) struct Lit {
     pub name: String,
-    pub renderer: Renderer,
+    pub world: World,
+    pub emitters: Emitters,
     pub camera: Camera,
     pub scene: GpuWorld,
 }
@@ -24,16 +26,17 @@ impl Lit {
     pub fn new(gpu: &Gpu, builtin: &str, name: &str, change: impl FnOnce(&mut Scene)) -> Self {
         let mut shot = manylight_scene::builtin(builtin).expect("builtin");
         change(&mut shot.scene);
-        let renderer = Renderer::new(shot.scene).expect("scene");
-        let words = pack(&renderer.world, &renderer.emitters);
-        let scene = GpuWorld::new(gpu, &renderer.world, &words).expect("world");
-        Self { name: format!("{builtin} {name}"), renderer, camera: shot.camera, scene }
+        let world = World::new(shot.scene).expect("scene");
+        let emitters = Emitters::new(&world);
+        let scene = GpuWorld::new(gpu, &world, &pack(&world, &emitters)).expect("world");
+        let (name, camera) = (format!("{builtin} {name}"), shot.camera);
+        Self { name, world, emitters, camera, scene }
     }
 
     /// Receivers on both sides, the same.
     pub fn receivers(&self, gpu: &Gpu, size: [usize; 2]) -> (Receivers, GpuReceivers) {
         let view = ViewFrame::new(&self.camera, size[0], size[1]);
-        let receivers = Receivers::trace(&self.renderer.world, &view, Vec2::splat(0.5), true);
+        let receivers = Receivers::trace(&self.world, &view, Vec2::splat(0.5), true);
         let planes = GpuReceivers::upload(gpu, &receivers, |_| Vec3::ZERO).expect("receivers");
         (receivers, planes)
     }
@@ -107,7 +110,8 @@ fn build_scenes(gpu: &Gpu) -> Vec<Lit> {
             add_lights(scene, 17);
             scene.sky = Some(sky_map());
         }),
-        Lit::new(gpu, "atrium", "as it is", |_| ()),
+        // Its sky would meet surfaces in one plane below the ground, where either may be right.
+        Lit::new(gpu, "atrium", "with its sun alone", |scene| scene.sky = None),
         Lit::new(gpu, "many_lamps", "as it is", |_| ()),
     ]
 }

@@ -1,12 +1,11 @@
 use super::testing::{Lit, agree, scenes};
 use super::*;
-use crate::frame::Renderer;
 use crate::gpu::Gpu;
 use crate::gpu::testing::{check_kernel, device};
 use crate::math::{Sequence, uniform_sphere};
 
 const SEED: u32 = 12;
-const POINTS: u32 = 8192;
+const POINTS: u32 = 4096;
 
 #[test]
 fn kernels_match_their_shaders() {
@@ -31,7 +30,7 @@ fn part(record: &[f32; 48], i: usize) -> (Vec3, f32) {
 fn the_same_sources_are_drawn() {
     let Some(gpu) = device() else { return };
     for lit in scenes(gpu) {
-        let emitters = &lit.renderer.emitters;
+        let emitters = &lit.emitters;
         for (i, record) in probe(gpu, lit).iter().enumerate() {
             let u = Sequence::new(SEED, i as u32).next_2d()[0];
             let source = emitters.by_flux.sample(u).expect("not dark");
@@ -47,7 +46,7 @@ fn the_same_sources_are_drawn() {
 fn rays_leave_the_sources_as_on_the_processor() {
     let Some(gpu) = device() else { return };
     for lit in scenes(gpu) {
-        let Renderer { world, emitters } = &lit.renderer;
+        let Lit { world, emitters, .. } = lit;
         let mut different = 0;
         for (i, record) in probe(gpu, lit).iter().enumerate() {
             let expected = emitters.emit(world, &mut Sequence::new(SEED, i as u32));
@@ -59,7 +58,7 @@ fn rays_leave_the_sources_as_on_the_processor() {
                 && agree(ray.flux, part(record, 2).0, 0.0);
             different += usize::from(!same);
         }
-        assert!(different <= 4, "{}: {different} rays", lit.name);
+        assert!(different <= 2, "{}: {different} rays", lit.name);
     }
 }
 
@@ -67,7 +66,7 @@ fn rays_leave_the_sources_as_on_the_processor() {
 fn points_on_emitters_agree() {
     let Some(gpu) = device() else { return };
     for lit in scenes(gpu) {
-        let Renderer { world, emitters } = &lit.renderer;
+        let Lit { world, emitters, .. } = lit;
         for (i, record) in probe(gpu, lit).iter().enumerate() {
             let mut sequence = Sequence::new(SEED, i as u32);
             let (choose, u) = (sequence.next_2d()[0], sequence.next_2d());
@@ -88,7 +87,7 @@ fn points_on_emitters_agree() {
 fn lights_give_a_point_the_same() {
     let Some(gpu) = device() else { return };
     for lit in scenes(gpu) {
-        let Renderer { world, emitters } = &lit.renderer;
+        let Lit { world, emitters, .. } = lit;
         if emitters.lights.is_empty() {
             continue;
         }
@@ -111,7 +110,7 @@ fn lights_give_a_point_the_same() {
             assert!(agree(s.direction, direction, 1.0), "{}: {s:?} {direction}", lit.name);
             assert!((near / distance - 1.0).abs() < 1e-5, "{}: {s:?} {distance}", lit.name);
         }
-        assert!(given > 1000, "{}: {given}", lit.name);
+        assert!(given > 500, "{}: {given}", lit.name);
     }
 }
 
@@ -119,7 +118,7 @@ fn lights_give_a_point_the_same() {
 fn directions_of_the_sky_agree() {
     let Some(gpu) = device() else { return };
     for lit in scenes(gpu) {
-        let Some(sky) = &lit.renderer.emitters.sky else { continue };
+        let Some(sky) = &lit.emitters.sky else { continue };
         let (mut drawn, mut looked_up) = (0, 0);
         for (i, record) in probe(gpu, lit).iter().enumerate() {
             let mut sequence = Sequence::new(SEED, i as u32);
@@ -135,8 +134,8 @@ fn directions_of_the_sky_agree() {
             looked_up += usize::from(!is_same || there != part(record, 8).0);
         }
         // Thresholds have 32 bits: in a dim texel they place a direction less well.
-        assert!(drawn <= 8, "{}: {drawn} draws", lit.name);
-        assert!(looked_up <= 40, "{}: {looked_up} look-ups", lit.name);
+        assert!(drawn <= 4, "{}: {drawn} draws", lit.name);
+        assert!(looked_up <= 20, "{}: {looked_up} look-ups", lit.name);
     }
 }
 

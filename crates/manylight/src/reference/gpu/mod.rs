@@ -14,7 +14,7 @@ use glam::Vec2;
 use std::time::Instant;
 
 /// Samples that are summed by themselves.
-const BLOCK: u32 = 64;
+const BLOCK: u32 = 32;
 /// Most pixels of a dispatch.
 const TILE: usize = 1 << 18;
 /// What a submission should take, s: far below the time after which a driver gives up.
@@ -189,12 +189,12 @@ impl GpuPaths {
             normal_maps: paths.normal_maps.into(),
             first_pixel,
             pixels,
-            begins: u32::from(sample % BLOCK == 0),
+            begins: u32::from(sample.is_multiple_of(BLOCK)),
             _pad: 0,
         });
         rec.dispatch_items(&Trace { params, emission, direct, indirect }, pixels as usize);
         let is_last = sample + 1 == paths.spp;
-        if !is_last && (sample + 1) % BLOCK != 0 {
+        if !is_last && !(sample + 1).is_multiple_of(BLOCK) {
             return;
         }
         let params = rec.uniform(&FoldParams {

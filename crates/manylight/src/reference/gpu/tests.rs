@@ -1,12 +1,11 @@
 use super::*;
 use crate::emitter::gpu::testing::{Lit, scenes};
-use crate::frame::Renderer;
 use crate::gpu::testing::{check_kernel, device};
 use crate::math::{Sequence, hash_u32};
 use crate::reference::PathTracer;
 use glam::{DVec3, Vec3};
 
-const SIZE: [usize; 2] = [24, 17];
+const SIZE: [usize; 2] = [16, 11];
 const PIXELS: usize = SIZE[0] * SIZE[1];
 const SEED: u32 = 30;
 
@@ -16,7 +15,7 @@ fn kernels_match_their_shaders() {
 }
 
 fn on_processor(lit: &Lit, view: &ViewFrame, paths: &Paths) -> Vec<[Vec3; 3]> {
-    let Renderer { world, emitters } = &lit.renderer;
+    let Lit { world, emitters, .. } = lit;
     let Paths { bounces, normal_maps, .. } = *paths;
     let tracer = PathTracer { world, emitters, bounces, normal_maps };
     let pixel = |i: usize| {
@@ -61,7 +60,8 @@ fn compare(expected: &[[Vec3; 3]], found: &[Vec<[f32; 4]>; 3]) -> (usize, [f64; 
 #[test]
 fn paths_are_those_of_the_processor() {
     let Some(gpu) = device() else { return };
-    for lit in scenes(gpu) {
+    // A lamp, an even sky, everything at once, a sun through a roof.
+    for lit in [0, 2, 5, 6].map(|i| &scenes(gpu)[i]) {
         let view = ViewFrame::new(&lit.camera, SIZE[0], SIZE[1]);
         let paths = Paths { spp: 3, bounces: 3, normal_maps: true, seed: SEED };
         let expected = on_processor(lit, &view, &paths);
@@ -78,7 +78,7 @@ fn many_samples_and_any_number_of_bounces() {
     let lit = &scenes(gpu)[5];
     let view = ViewFrame::new(&lit.camera, SIZE[0], SIZE[1]);
     // More than a block of samples; direct light alone; deep paths.
-    for (spp, bounces) in [(BLOCK + 3, 1), (2, 0), (2, 8)] {
+    for (spp, bounces) in [(BLOCK + 3, 1), (1, 0), (1, 8)] {
         let paths = Paths { spp, bounces, normal_maps: true, seed: SEED };
         let expected = on_processor(lit, &view, &paths);
         let found = on_device(gpu, lit, &view, &paths);

@@ -151,8 +151,8 @@ impl GpuBrute {
                     self.record_finish(&mut rec, first_pixel, pixels);
                 }
                 rec.submit().wait()?;
-                let done = first_pixel as f64 + pixels as f64 * end as f64 / count.max(1) as f64;
-                progress(done / all as f64);
+                let share = if end == count { 1.0 } else { end as f64 / count as f64 };
+                progress((first_pixel as f64 + pixels as f64 * share) / all as f64);
                 if end == count {
                     break;
                 }
@@ -164,12 +164,7 @@ impl GpuBrute {
         Ok(())
     }
 
-    fn record_finish(
-        &self,
-        rec: &mut crate::gpu::Recorder<'_>,
-        first_pixel: usize,
-        pixels: usize,
-    ) {
+    fn record_finish(&self, rec: &mut crate::gpu::Recorder<'_>, first_pixel: usize, pixels: usize) {
         let params = FinishParams { first_pixel: first_pixel as u32, pixels: pixels as u32 };
         let params = rec.uniform(&params);
         let Self { sums, unshadowed, shadowed, ratios } = self;

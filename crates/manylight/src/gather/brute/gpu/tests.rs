@@ -1,6 +1,5 @@
 use super::*;
 use crate::emitter::gpu::testing::{Lit, agree, scenes};
-use crate::frame::Renderer;
 use crate::gather::brute;
 use crate::gpu::testing::{check_kernel, device};
 use crate::surface::Receivers;
@@ -8,7 +7,7 @@ use crate::vlight::vpl::gpu::GpuVpls;
 use crate::vlight::vpl::{Vpl, trace};
 use glam::Vec3;
 
-const SIZE: [usize; 2] = [29, 20];
+const SIZE: [usize; 2] = [17, 12];
 const PIXELS: usize = SIZE[0] * SIZE[1];
 
 #[test]
@@ -49,7 +48,7 @@ fn assert_agrees(lit: &Lit, receivers: &Receivers, lights: &[Vpl], d_min: f32, f
     let (mut off, mut evals_off, mut brightest) = (0, 0, 0.0f32);
     for (i, sample) in receivers.samples.iter().enumerate() {
         let sum = match &sample.surface {
-            Some(surface) => brute::sum(&lit.renderer.world, surface, lights, d_min),
+            Some(surface) => brute::sum(&lit.world, surface, lights, d_min),
             None => brute::BruteSum::default(),
         };
         brightest = brightest.max(sum.unshadowed.max_element());
@@ -78,9 +77,9 @@ fn assert_agrees(lit: &Lit, receivers: &Receivers, lights: &[Vpl], d_min: f32, f
 fn sums_are_those_of_the_processor() {
     let Some(gpu) = device() else { return };
     for lit in [&scenes(gpu)[0], &scenes(gpu)[6]] {
-        let Renderer { world, emitters } = &lit.renderer;
+        let Lit { world, emitters, .. } = lit;
         let (receivers, planes) = lit.receivers(gpu, SIZE);
-        let lights = trace(world, emitters, 1500, 3, 8, true).lights;
+        let lights = trace(world, emitters, 700, 3, 8, true).lights;
         let found = gathered(gpu, lit, &planes, &lights, 0.1);
         assert_agrees(lit, &receivers, &lights, 0.1, &found);
         let again = gathered(gpu, lit, &planes, &lights, 0.1);
@@ -96,18 +95,15 @@ fn no_light_and_one_light() {
     let found = gathered(gpu, lit, &planes, &[], 0.1);
     assert!(found.unshadowed.iter().chain(&found.shadowed).all(|e| *e == [0.0; 4]));
     assert!(found.ratios.iter().all(|r| *r == [1.0, 1.0]));
-    let light = Vpl {
-        position: Vec3::new(0.0, 1.9, 0.0),
-        normal: Vec3::NEG_Y,
-        intensity: Vec3::ONE,
-    };
+    let light =
+        Vpl { position: Vec3::new(0.0, 1.9, 0.0), normal: Vec3::NEG_Y, intensity: Vec3::ONE };
     let found = gathered(gpu, lit, &planes, &[light], 0.1);
     let all: f32 = found.shadowed.iter().map(|e| e[0]).sum();
     let expected: f32 = receivers
         .samples
         .iter()
         .filter_map(|s| s.surface.as_ref())
-        .map(|s| brute::sum(&lit.renderer.world, s, &[light], 0.1).shadowed.x)
+        .map(|s| brute::sum(&lit.world, s, &[light], 0.1).shadowed.x)
         .sum();
     assert!((all / expected - 1.0).abs() < 2e-3, "{all} {expected}");
 }

@@ -7,9 +7,7 @@
 use super::{GpuVpls, VplInfo, VplRecord};
 use crate::error::Error;
 use crate::gpu::scan::Scan;
-use crate::gpu::{
-    Buf, Constant, GROUP, Gpu, MAX_GROUPS, Recorder, Uniform, Value, kernel, record,
-};
+use crate::gpu::{Buf, Constant, GROUP, Gpu, MAX_GROUPS, Recorder, Uniform, Value, kernel, record};
 use crate::vlight::vpl::trace::{BATCH, MAX_NORMAL_CORRECTION, PATHS_PER_LIGHT};
 use crate::{bvh, emitter, world};
 
