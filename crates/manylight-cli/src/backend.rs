@@ -115,9 +115,7 @@ impl Engine {
     /// Backend and device, for the metadata of a picture.
     pub fn names(&self) -> [String; 2] {
         match self {
-            Self::Cpu(_) => {
-                ["cpu".to_owned(), format!("{} threads", rayon::current_num_threads())]
-            }
+            Self::Cpu(_) => ["cpu".to_owned(), format!("{} threads", rayon::current_num_threads())],
             Self::Gpu(engine, _) => ["gpu".to_owned(), engine.gpu().name().to_owned()],
         }
     }

@@ -237,11 +237,21 @@ impl GpuRenderer {
             rec.stage(if is_direct { "emitter vpls" } else { "vpls" });
             lights.trace(&mut rec, normal_maps, seed);
         }
-        layers.begin(&mut rec, receivers, &buffers.irradiance, job.sample, buffers.bounced.is_some());
+        layers.begin(
+            &mut rec,
+            receivers,
+            &buffers.irradiance,
+            job.sample,
+            buffers.bounced.is_some(),
+        );
         if let Some(sky) = &buffers.sky {
             let arriving = Arriving::Ratio(&sky.ratio);
             let unshadowed = &sky.unshadowed;
-            layers.add(&mut rec, receivers, &GatheredLight { unshadowed, arriving, is_direct: true });
+            layers.add(
+                &mut rec,
+                receivers,
+                &GatheredLight { unshadowed, arriving, is_direct: true },
+            );
         }
         let mut times = rec.submit().wait()?;
         let start = std::time::Instant::now();
@@ -277,11 +287,8 @@ impl GpuRenderer {
             "lighting" | "brute" => evals,
             name => buffers.count_of(name),
         };
-        let stages = times.iter().map(|t| Stage {
-            name: t.name,
-            time_ms: t.time_ms,
-            count: count(t.name),
-        });
+        let stages =
+            times.iter().map(|t| Stage { name: t.name, time_ms: t.time_ms, count: count(t.name) });
         let stages = stages.collect();
         Ok(Frame { layers, stages, d_min: self.renderer.d_min(settings), alpha })
     }

@@ -8,9 +8,7 @@
 mod kernels;
 mod sort;
 
-use super::record::{
-    BLOCK, GpuGrid, GridCapacity, GridInfo, LEVEL_ENTRIES, SUPERBLOCK, blocks_of,
-};
+use super::record::{BLOCK, GpuGrid, GridCapacity, GridInfo, LEVEL_ENTRIES, SUPERBLOCK, blocks_of};
 use crate::error::Error;
 use crate::gpu::scan::Scan;
 use crate::gpu::{Buf, Gpu, Recorder};
