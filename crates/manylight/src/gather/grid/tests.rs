@@ -359,27 +359,43 @@ fn measure_lists() {
         let alpha = reach::choose_alpha(&grid, &receivers, &settings);
         settings.grid.alpha = Some(alpha);
         let shells = tiles::shells(&grid, alpha);
-        println!("{scene} alpha {alpha} vpls {} lights {:?} cells {:?}", set.lights.len(),
+        println!(
+            "{scene} alpha {alpha} vpls {} lights {:?} cells {:?}",
+            set.lights.len(),
             grid.levels.iter().map(|l| l.lights.len()).collect::<Vec<_>>(),
-            grid.levels.iter().map(|l| l.cells.len()).collect::<Vec<_>>());
+            grid.levels.iter().map(|l| l.cells.len()).collect::<Vec<_>>()
+        );
         for side in [8, 16, 32] {
             let mut lens = vec![];
             let t = std::time::Instant::now();
-            for by in (0..h).step_by(side) { for bx in (0..w).step_by(side) {
-                let rows = by..(by + side).min(h);
-                let row = |y| &receivers.samples[y * w + bx..y * w + (bx + side).min(w)];
-                let Some(b) = tiles::Bounds::of(rows.flat_map(row).filter_map(|s| s.surface.as_ref())) else { continue };
-                let mut list = vec![];
-                tiles::collect(&grid, &shells, &settings, &b, &mut list);
-                let l0 = list.iter().filter(|l| l.level == 0).count();
-                lens.push((list.len(), l0));
-            } }
+            for by in (0..h).step_by(side) {
+                for bx in (0..w).step_by(side) {
+                    let rows = by..(by + side).min(h);
+                    let row = |y| &receivers.samples[y * w + bx..y * w + (bx + side).min(w)];
+                    let Some(b) =
+                        tiles::Bounds::of(rows.flat_map(row).filter_map(|s| s.surface.as_ref()))
+                    else {
+                        continue;
+                    };
+                    let mut list = vec![];
+                    tiles::collect(&grid, &shells, &settings, &b, &mut list);
+                    let l0 = list.iter().filter(|l| l.level == 0).count();
+                    lens.push((list.len(), l0));
+                }
+            }
             let t = t.elapsed().as_secs_f64();
             lens.sort();
             let n = lens.len();
             let mean = lens.iter().map(|l| l.0).sum::<usize>() / n;
             let chunks = lens.iter().map(|l| l.0.div_ceil(64)).sum::<usize>() as f64 / n as f64;
-            println!("side {side}: mean {mean} chunks {chunks:.1} median {:?} 90% {:?} 99% {:?} max {:?} time/block {:.0}us", lens[n/2], lens[n*9/10], lens[n*99/100], lens[n-1], t/n as f64*1e6);
+            println!(
+                "side {side}: mean {mean} chunks {chunks:.1} median {:?} 90% {:?} 99% {:?} max {:?} time/block {:.0}us",
+                lens[n / 2],
+                lens[n * 9 / 10],
+                lens[n * 99 / 100],
+                lens[n - 1],
+                t / n as f64 * 1e6
+            );
         }
     }
 }

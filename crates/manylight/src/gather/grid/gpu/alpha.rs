@@ -66,13 +66,8 @@ kernel! {
 }
 
 /// Every kernel of this file.
-pub(super) const KERNELS: &[&KernelInfo] = &[
-    &AlphaStart::INFO,
-    &AlphaRuns::INFO,
-    &AlphaAsk::INFO,
-    &AlphaCount::INFO,
-    &AlphaAdjust::INFO,
-];
+pub(super) const KERNELS: &[&KernelInfo] =
+    &[&AlphaStart::INFO, &AlphaRuns::INFO, &AlphaAsk::INFO, &AlphaCount::INFO, &AlphaAdjust::INFO];
 
 /// Memory for choosing alpha.
 #[derive(Debug)]
@@ -98,7 +93,8 @@ impl Alpha {
         Ok(Self {
             runs: gpu.buffer("receivers by run of pixels", runs + 1)?,
             scan: Scan::new(gpu, runs + 1)?,
-            shares: gpu.upload("shares of asked receivers", &(0..ASKED).map(words).collect::<Vec<_>>())?,
+            shares: gpu
+                .upload("shares of asked receivers", &(0..ASKED).map(words).collect::<Vec<_>>())?,
             asked: gpu.buffer("asked receivers", 2 * ASKED)?,
             counts: gpu.buffer("lights of asked receivers", ASKED)?,
         })
@@ -143,7 +139,16 @@ impl Alpha {
         for _ in 0..STEPS {
             rec.dispatch(
                 &AlphaCount {
-                    params, reach, info, asked, cells, lights, vpls, frontier, counts, stats,
+                    params,
+                    reach,
+                    info,
+                    asked,
+                    cells,
+                    lights,
+                    vpls,
+                    frontier,
+                    counts,
+                    stats,
                 },
                 [ASKED as u32, 1, 1],
             );

@@ -162,15 +162,15 @@ pub struct Gather {
     /// Cells to look into, two sides per block.
     frontier: Buf<u32>,
     /// First chunk of each block and of none, then the lights of all chunks.
-    candidates: Buf<u32>,
+    pub(super) candidates: Buf<u32>,
     /// Which lights of a chunk reach each tile of its block.
-    masks: Buf<[u32; 2]>,
+    pub(super) masks: Buf<[u32; 2]>,
     /// Running shadow weight of each receiver of its block after a chunk.
-    weights: Buf<f32>,
+    pub(super) weights: Buf<f32>,
     /// Draws of a slice of rays.
-    picks: Buf<Pick>,
+    pub(super) picks: Buf<Pick>,
     /// Points that they aim at, where those are no virtual lights.
-    targets: Buf<[f32; 4]>,
+    pub(super) targets: Buf<[f32; 4]>,
 }
 
 impl Gather {
@@ -287,8 +287,17 @@ impl Gather {
             let params = rec.uniform(&GatherParams { is_writing, ..*band });
             rec.dispatch(
                 &Search {
-                    params, reach, info, positions, normals, cells, lights, vpls, frontier,
-                    candidates, stats,
+                    params,
+                    reach,
+                    info,
+                    positions,
+                    normals,
+                    cells,
+                    lights,
+                    vpls,
+                    frontier,
+                    candidates,
+                    stats,
                 },
                 [band.block_count, 1, 1],
             );
@@ -301,7 +310,16 @@ impl Gather {
         let unshadowed = &out.unshadowed;
         rec.dispatch(
             &Light {
-                params, reach, info, positions, normals, candidates, lights, vpls, masks, weights,
+                params,
+                reach,
+                info,
+                positions,
+                normals,
+                candidates,
+                lights,
+                vpls,
+                masks,
+                weights,
                 unshadowed,
             },
             [band.block_count * TILES as u32, 1, 1],
@@ -323,7 +341,16 @@ impl Gather {
         rec.stage("gather pick");
         rec.dispatch(
             &PickLights {
-                params, reach, info, positions, normals, candidates, masks, weights, lights, vpls,
+                params,
+                reach,
+                info,
+                positions,
+                normals,
+                candidates,
+                masks,
+                weights,
+                lights,
+                vpls,
                 picks,
             },
             groups_of(slice),
@@ -345,7 +372,16 @@ impl Gather {
         match input.settings.shadow.target {
             ShadowTarget::Vpl => rec.dispatch(
                 &Target {
-                    params, info, picks, positions, normals, cells, octants, vpls, points, blocks,
+                    params,
+                    info,
+                    picks,
+                    positions,
+                    normals,
+                    cells,
+                    octants,
+                    vpls,
+                    points,
+                    blocks,
                 },
                 groups_of(slice),
             ),
@@ -368,8 +404,9 @@ impl Gather {
         let params = rec.uniform(slice);
         rec.stage("gather shadow");
         match input.settings.shadow.target {
-            ShadowTarget::Vpl => rec
-                .dispatch(&Shadow { params, picks, positions, normals, vpls }, groups_of(slice)),
+            ShadowTarget::Vpl => {
+                rec.dispatch(&Shadow { params, picks, positions, normals, vpls }, groups_of(slice))
+            }
             ShadowTarget::Variance => rec.dispatch(
                 &ShadowPoint { params, picks, positions, normals, targets },
                 groups_of(slice),

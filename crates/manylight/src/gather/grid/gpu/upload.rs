@@ -58,8 +58,7 @@ impl PackedGrid {
         }
         let level_count = grid.levels.len() as u32;
         packed.info.origin = grid.origin.to_array();
-        packed.info.edge =
-            grid.levels.last().map_or(0.0, |top| top.cell_size);
+        packed.info.edge = grid.levels.last().map_or(0.0, |top| top.cell_size);
         packed.info.level_count = level_count;
         packed.info.vpl_count = grid.lights.len() as u32;
         packed.info.light_count = packed.lights.len() as u32;
@@ -84,7 +83,8 @@ impl PackedGrid {
         place_cells(cells, grid, number);
         name_lobes(cells, level);
 
-        let mut order: Vec<(u64, u32)> = level.octants.iter().map(Octants::first_corner).zip(0..).collect();
+        let mut order: Vec<(u64, u32)> =
+            level.octants.iter().map(Octants::first_corner).zip(0..).collect();
         // Lights of no cell have no share either.
         order.retain(|(corner, _)| *corner < u64::MAX);
         order.sort_unstable();
