@@ -69,6 +69,8 @@ fn load_light(level: u32, index: u32) -> GridLight {
 fn tile_light(light: GridLight, level: u32) -> TileLight {
     let shell = shells[level];
     let total_variance = light.variance.x + light.variance.y + light.variance.z;
+    // A unit normal's length is one within rounding, and must not pass for a spread.
+    let is_point = level == 0u || !has_flag(SPREAD);
     let is_drawn = level >= params.shadow_start_level || level == info.level_count;
     return TileLight(
         light.position,
@@ -78,7 +80,7 @@ fn tile_light(light: GridLight, level: u32) -> TileLight {
         4.0 * light.variance,
         NEARER * total_variance,
         light.intensity,
-        3.0 * normal_spread(light.normal),
+        select(3.0 * normal_spread(light.normal), 0.0, is_point),
         shell.rise,
         shell.fall,
         select(0.0, light.luminance, is_drawn),
