@@ -130,7 +130,7 @@ impl TileLight {
             far: contribution::far(total_variance),
             nearer: NEARER * total_variance,
             normal_spread_3: 3.0 * normal_spread,
-            reach_behind: contribution::reach_behind(normal, variance),
+            reach_behind: contribution::reach_behind(normal, normal_spread, variance),
             reach_below: contribution::reach_below(variance),
             intensity: light.intensity.to_array(),
             shadow_weight: if is_drawn { light.luminance } else { 0.0 },

@@ -42,7 +42,7 @@ impl GatherCapacity {
     /// Bands as large as the picture and the device allow, and no larger than asked for.
     pub(super) fn fit(mut self, gpu: &Gpu, width: usize, height: usize, rays: u32) -> Self {
         let limits = gpu.device().limits();
-        let most = u64::from(limits.max_storage_buffer_binding_size).min(limits.max_buffer_size);
+        let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
         self.slice_rays = self.slice_rays.min(rays).max(1);
         let [x, y] = blocks_of(width, height);
         let blocks = self.band_blocks.min((x * y) as u32).max(1);

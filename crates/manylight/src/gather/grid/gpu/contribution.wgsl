@@ -19,9 +19,9 @@ fn normal_spread(mean: vec3f) -> f32 {
     return max(1.0 - dot(mean, mean), 0.0) * 0.5;
 }
 
-fn reach_behind(normal: vec3f, variance: vec3f) -> vec2f {
+fn reach_behind(normal: vec3f, spread: f32, variance: vec3f) -> vec2f {
     let s = dot(normal * normal, variance);
-    return vec2f((REACH_PULL + REACH_SPREAD) * s, REACH_SPREAD * normal_spread(normal));
+    return vec2f((REACH_PULL + REACH_SPREAD) * s, REACH_SPREAD * spread);
 }
 
 fn reach_below(variance: vec3f) -> f32 {

@@ -15,7 +15,7 @@ use crate::error::Error;
 use crate::gather::grid::TILE;
 use crate::gather::grid::reach::ASKED;
 use crate::gpu::scan::Scan;
-use crate::gpu::{Buf, Gpu, KernelInfo, Recorder, kernel};
+use crate::gpu::{Buf, Gpu, Recorder, kernel};
 use crate::settings::{Settings, ShadowTarget};
 use crate::surface::gpu::{CONSTANTS as SURFACE_CONSTANTS, GpuReceivers};
 use crate::vlight::vpl::gpu::VplRecord;
@@ -95,7 +95,8 @@ kernel! {
 }
 
 /// Every kernel of this file.
-pub(super) const KERNELS: &[&KernelInfo] = &[
+#[cfg(test)]
+pub(super) const KERNELS: &[&crate::gpu::KernelInfo] = &[
     &Search::INFO,
     &Light::INFO,
     &PickLights::INFO,

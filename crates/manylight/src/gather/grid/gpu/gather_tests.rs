@@ -54,7 +54,9 @@ impl Case {
     }
 
     fn small(scene: &str, preset: &str) -> Self {
-        Self::new(scene, preset, [44, 28], 3000)
+        let mut case = Self::new(scene, preset, [36, 20], 2500);
+        case.settings.grid.evals = 150;
+        case
     }
 
     /// With the alpha that the processor chose: stages are compared from identical inputs.
@@ -450,7 +452,8 @@ fn bits(run: &Run) -> Vec<u32> {
 #[test]
 fn bands_slices_and_repetitions_change_no_bit() {
     let Some(gpu) = device() else { return };
-    let case = Case::new("builtin:cornell", "balanced", [70, 37], 800);
+    let mut case = Case::new("builtin:cornell", "balanced", [70, 37], 800);
+    case.settings.grid.evals = 60;
     let whole = run(gpu, &case, GatherCapacity::default());
     let again = run(gpu, &case, GatherCapacity::default());
     assert!(bits(&whole) == bits(&again), "two runs differ");
@@ -461,7 +464,8 @@ fn bands_slices_and_repetitions_change_no_bit() {
 #[test]
 fn what_does_not_fit_is_told_and_fits_after_growing() {
     let Some(gpu) = device() else { return };
-    let case = Case::new("builtin:cornell", "balanced", [20, 16], 2000);
+    let mut case = Case::new("builtin:cornell", "balanced", [20, 16], 1500);
+    case.settings.grid.alpha = Some(0.8);
     let expected = bits(&run(gpu, &case, GatherCapacity::default()));
     let mut capacity =
         GatherCapacity { frontier: 16, block_chunks: 1, least_chunks: 1, ..Default::default() };
