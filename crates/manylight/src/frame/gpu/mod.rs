@@ -120,8 +120,8 @@ impl GpuRenderer {
 
     /// Renders one picture without bringing it back, and tells what its stages took.
     ///
-    /// `keeps_lights`: takes virtual lights and grids as the frame before left them, if that had the
-    /// same size and settings.
+    /// `keeps_lights`: takes virtual lights and grids as the frame before left them, if that had
+    /// the same size and settings.
     /// Errors: as [`GpuRenderer::render`]
     pub fn time_frame(
         &mut self,
@@ -133,8 +133,8 @@ impl GpuRenderer {
         settings.validate()?;
         check_size(size)?;
         let view = ViewFrame::new(camera, size[0], size[1]);
-        let keeps_lights =
-            keeps_lights && self.buffers.as_ref().is_some_and(|b| b.fits(size, settings));
+        let fits = self.buffers.as_ref().is_some_and(|b| b.fits(size, settings));
+        let keeps_lights = keeps_lights && fits;
         self.render_sample(Job { view: &view, settings, sample: 0, keeps_lights }, &|_, _| ())
     }
 
