@@ -141,6 +141,9 @@ pub struct BenchArgs {
     /// Measure building the grid alone
     #[arg(long)]
     pub build: bool,
+    /// Where frames are computed
+    #[arg(long, value_enum, default_value = "cpu")]
+    pub backend: Backend,
     /// Frames to time, after one that is not counted
     #[arg(long, default_value_t = 5, value_name = "N")]
     #[arg(value_parser = clap::value_parser!(u32).range(1..=10_000))]
@@ -151,6 +154,13 @@ pub struct BenchArgs {
     /// Print results as JSON on standard output
     #[arg(long)]
     pub json: bool,
+}
+
+impl BenchArgs {
+    /// Whether whole frames are timed.
+    pub fn is_of_frames(&self) -> bool {
+        self.quality.is_none() && !self.rays && self.dump_rays.is_none() && !self.build
+    }
 }
 
 /// `manylight info`

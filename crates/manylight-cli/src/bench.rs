@@ -1,7 +1,8 @@
 //! `manylight bench`
 
 use crate::args::BenchArgs;
-use crate::render::{self, render_with_bar};
+use crate::backend::Engine;
+use crate::render;
 use crate::{Failure, Outcome, memory, output};
 use manylight::bench::{self, Quality, RayBatch};
 use manylight::gather::grid::{DETAIL, LightingGrid};
@@ -35,15 +36,22 @@ pub fn run(args: &BenchArgs) -> Result<Outcome, Failure> {
         let size = render::size(&args.settings, &shot.camera)?;
         memory::check_render(size, &settings)?;
         let camera = shot.camera.clone();
+        if args.is_of_frames() {
+            let mut engine = Engine::new(shot.scene, args.backend, &settings, args.json)?;
+            let report = frames(&mut engine, &camera, size, &settings, args.frames)?;
+            if !args.json {
+                print(scene, &report)?;
+            }
+            reports.push(json!({ "scene": scene, "report": report }));
+            continue;
+        }
         let renderer = Renderer::new(shot.scene)?;
         let report = if let Some(receivers) = args.quality {
             quality(&renderer, &camera, size, &settings, receivers)
-        } else if args.rays || args.dump_rays.is_some() {
-            rays(&renderer, &camera, size, &settings, args)?
         } else if args.build {
             build(&renderer, &settings)
         } else {
-            frames(&renderer, &camera, size, &settings, args.frames)?
+            rays(&renderer, &camera, size, &settings, args)?
         };
         if !args.json {
             print(scene, &report)?;
@@ -124,8 +132,9 @@ fn build(renderer: &Renderer, settings: &Settings) -> Value {
             "build_ms": median(&mut times) })
 }
 
+/// Times whole frames, everything made anew in each.
 fn frames(
-    renderer: &Renderer,
+    engine: &mut Engine,
     camera: &manylight_scene::Camera,
     size: [usize; 2],
     settings: &Settings,
@@ -135,29 +144,37 @@ fn frames(
     let mut totals = Vec::new();
     for run in 0..=count.max(1) {
         let start = Instant::now();
-        let frame = render_with_bar(renderer, camera, size, settings, true)?;
+        let times = engine.time_frame(camera, size, settings)?;
         if run == 0 {
             continue;
         }
         totals.push(start.elapsed().as_secs_f64() * 1e3);
-        for stage in &frame.stages {
-            match stages.iter_mut().find(|s| s.0 == stage.name) {
-                Some(s) => s.1.push(stage.time_ms),
-                None => stages.push((stage.name, vec![stage.time_ms])),
+        for (name, time_ms) in times {
+            match stages.iter_mut().find(|s| s.0 == name) {
+                Some(s) => s.1.push(time_ms),
+                None => stages.push((name, vec![time_ms])),
             }
         }
     }
     let mut report = serde_json::Map::new();
-    let spread = |times: &mut Vec<f64>| {
-        let median = median(times);
-        json!({ "median_ms": median, "min_ms": times[0], "max_ms": times[times.len() - 1] })
-    };
+    report.insert("device".to_owned(), json!(engine.names()[1]));
     report.insert("frame".to_owned(), spread(&mut totals));
     for (name, mut times) in stages {
         report.insert(name.to_owned(), spread(&mut times));
     }
     report.insert("peak_memory_mib".to_owned(), json!(memory::find_peak_mib()));
+    if let Some(bytes) = engine.device_bytes() {
+        report.insert("device_memory_mib".to_owned(), json!(bytes >> 20));
+    }
     Ok(Value::Object(report))
+}
+
+/// Median, deciles and extremes of some times, ms.
+fn spread(times: &mut [f64]) -> Value {
+    let median = median(times);
+    let at = |share: f64| times[((times.len() - 1) as f64 * share).round() as usize];
+    json!({ "median_ms": median, "p10_ms": at(0.1), "p90_ms": at(0.9), "min_ms": at(0.0),
+            "max_ms": at(1.0) })
 }
 
 /// Sorts and returns the middle.

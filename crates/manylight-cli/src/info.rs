@@ -2,6 +2,7 @@
 
 use crate::args::{InfoArgs, JsonArg};
 use crate::{Failure, Outcome, render};
+use manylight::gpu::AdapterDescription;
 use manylight::settings::{Method, PRESETS};
 use manylight_scene::{Light, Scene, Sky};
 use serde_json::{Value, json};
@@ -51,7 +52,52 @@ pub fn run_devices(args: &JsonArg) -> Result<Outcome, Failure> {
     #[cfg(not(target_arch = "x86_64"))]
     let simd = "portable";
     let cpu = format!("{} threads, {simd}", rayon::current_num_threads());
-    print_rows(&[("cpu", json!(cpu))], args.json)
+    let adapters = manylight::gpu::describe_adapters();
+    if args.json {
+        let adapters: Vec<Value> = adapters.iter().map(adapter_json).collect();
+        writeln!(std::io::stdout(), "{}", json!({ "cpu": cpu, "gpu": adapters }))?;
+        return Ok(Outcome::Done);
+    }
+    let mut out = std::io::stdout().lock();
+    writeln!(out, "{:<8}{cpu}", "cpu")?;
+    for adapter in &adapters {
+        writeln!(out, "{:<8}{}", "gpu", describe_adapter(adapter))?;
+    }
+    if adapters.is_empty() {
+        writeln!(out, "{:<8}none; needs a driver for Vulkan, Metal or DirectX 12", "gpu")?;
+    }
+    Ok(Outcome::Done)
+}
+
+/// What an adapter is, and which paths it gets.
+fn describe_adapter(adapter: &AdapterDescription) -> String {
+    let has = |is: bool, name: &str| if is { name.to_owned() } else { format!("no {name}") };
+    let AdapterDescription { name, kind, backend, driver, .. } = adapter;
+    let use_of_it = match (&adapter.lacks, *kind) {
+        (Some(lacks), _) => format!("cannot render: lacks {lacks}"),
+        (None, "software") => "renders where --set gpu.device names it".to_owned(),
+        (None, _) => "renders".to_owned(),
+    };
+    format!(
+        "{name}: {kind}, {backend}, {driver}; {use_of_it}; lists of {} MiB, buffers of {} MiB, {} \
+         KiB of workgroup memory, {}, {}, {}",
+        adapter.max_binding >> 20,
+        adapter.max_buffer >> 20,
+        adapter.workgroup_memory >> 10,
+        has(adapter.timestamps, "timestamps"),
+        has(adapter.subgroups, "subgroups"),
+        has(adapter.ray_queries, "ray queries"),
+    )
+}
+
+fn adapter_json(adapter: &AdapterDescription) -> Value {
+    json!({
+        "name": adapter.name, "kind": adapter.kind, "backend": adapter.backend,
+        "driver": adapter.driver, "max_binding": adapter.max_binding,
+        "max_buffer": adapter.max_buffer, "workgroup_memory": adapter.workgroup_memory,
+        "timestamps": adapter.timestamps, "subgroups": adapter.subgroups,
+        "ray_queries": adapter.ray_queries, "lacks": adapter.lacks,
+    })
 }
 
 /// Prints the methods and presets.

@@ -1,6 +1,7 @@
 //! The manylight program: glue between arguments, files and the renderer.
 
 mod args;
+mod backend;
 mod bench;
 mod compare;
 mod info;

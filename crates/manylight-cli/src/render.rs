@@ -1,9 +1,10 @@
 //! `manylight render`
 
-use crate::args::{Backend, RenderArgs, SettingArgs};
+use crate::args::{RenderArgs, SettingArgs};
+use crate::backend::Engine;
 use crate::{Failure, Outcome, memory, output};
 use indicatif::{ProgressBar, ProgressStyle};
-use manylight::{Frame, Method, Renderer, Settings};
+use manylight::{Frame, Method, Settings};
 use manylight_scene::{Camera, MAX_PIXELS, Shot};
 use serde_json::{Value, json};
 use std::io::{IsTerminal, Write};
@@ -73,9 +74,6 @@ pub fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     if args.quiet && !args.json && args.output.is_empty() && args.heatmap.is_none() {
         return Err("--quiet without -o would leave nothing; name a file".into());
     }
-    if args.backend == Backend::Gpu {
-        return Err("this build has no GPU backend; use --backend cpu".into());
-    }
     use_threads(&args.settings)?;
     let start = Instant::now();
     let shot = load(&args.scene, args.quiet)?;
@@ -92,16 +90,16 @@ pub fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     let camera = shot.camera.clone();
     let load_ms = start.elapsed().as_secs_f64() * 1e3;
     let start = Instant::now();
-    let renderer = Renderer::new(shot.scene)?;
+    let mut engine = Engine::new(shot.scene, args.backend, &settings, args.quiet)?;
     let build_ms = start.elapsed().as_secs_f64() * 1e3;
     let start = Instant::now();
-    let frame = render_with_bar(&renderer, &camera, size, &settings, args.quiet)?;
+    let frame = render_with_bar(&mut engine, &camera, size, &settings, args.quiet)?;
     let render_ms = start.elapsed().as_secs_f64() * 1e3;
 
     if let Some(reason) = find_reason_of_black(&frame).filter(|_| !args.quiet) {
         let _ = writeln!(std::io::stderr(), "warning: {reason}");
     }
-    let mut metadata = metadata(&settings, &camera, args, render_ms);
+    let mut metadata = metadata(&settings, &camera, args, engine.names(), render_ms);
     metadata.push(("manylight.sceneHash".to_owned(), format!("{scene_hash:016x}")));
     if let Some(alpha) = frame.alpha {
         metadata.push(("manylight.alpha".to_owned(), alpha.to_string()));
@@ -152,19 +150,19 @@ fn find_reason_of_black(frame: &Frame) -> Option<&'static str> {
 
 /// Renders with a progress bar on a terminal.
 pub fn render_with_bar(
-    renderer: &Renderer,
+    engine: &mut Engine,
     camera: &Camera,
     size: [usize; 2],
     settings: &Settings,
     quiet: bool,
 ) -> Result<Frame, Failure> {
     if quiet || !std::io::stderr().is_terminal() {
-        return Ok(renderer.render(camera, size, settings, &|_, _| ())?);
+        return engine.render(camera, size, settings, &|_, _| (), quiet);
     }
     let style = ProgressStyle::with_template("{msg:<14} {wide_bar} {percent:>3} % {eta:>5} left")?;
     let start = Instant::now();
     let bar: Mutex<Option<ProgressBar>> = Mutex::new(None);
-    let frame = renderer.render(camera, size, settings, &|stage, share| {
+    let tick = |stage: &str, share: f64| {
         let Ok(mut bar) = bar.lock() else { return };
         if bar.is_none() && start.elapsed() > BAR_DELAY {
             *bar = Some(ProgressBar::new(1000).with_style(style.clone()));
@@ -173,11 +171,12 @@ pub fn render_with_bar(
             bar.set_message(stage.to_owned());
             bar.set_position((share * 1000.0) as u64);
         }
-    });
+    };
+    let frame = engine.render(camera, size, settings, &tick, quiet);
     if let Ok(Some(bar)) = bar.into_inner() {
         bar.finish_and_clear();
     }
-    Ok(frame?)
+    frame
 }
 
 /// Stages as JSON.
@@ -209,6 +208,7 @@ fn metadata(
     settings: &Settings,
     camera: &Camera,
     args: &RenderArgs,
+    [backend, device]: [String; 2],
     render_ms: f64,
 ) -> Vec<(String, String)> {
     let world_from_camera = glam::Mat4::from_cols(
@@ -224,8 +224,8 @@ fn metadata(
         text("scene", args.scene.clone()),
         text("settings", Value::Object(settings.to_json()).to_string()),
         text("seed", settings.seed.to_string()),
-        text("backend", "cpu".to_owned()),
-        text("device", format!("{} threads", rayon::current_num_threads())),
+        text("backend", backend),
+        text("device", device),
         text("renderTimeMs", format!("{render_ms:.1}")),
         text("worldFromCamera", format!("{:?}", world_from_camera.to_cols_array())),
         text("projection", format!("{:?}", camera.projection)),

@@ -94,6 +94,8 @@ group! {
         surface: SurfaceSettings = SurfaceSettings::default(),
         /// The picture.
         film: FilmSettings = FilmSettings::default(),
+        /// The graphics device.
+        gpu: GpuSettings = GpuSettings::default(),
     }
 }
 
@@ -162,6 +164,9 @@ group! {
         enabled: bool = true,
         /// Passes; the first reaches one pixel, each one after it twice as far. 1 to 8.
         passes: u32 = 5,
+        /// Frames of a sequence that count for a ratio, 1 to 256; a still picture is one frame.
+        /// More: less noise, and shadows of moving lights that lag further behind.
+        history: u32 = 16,
     }
 }
 
@@ -188,6 +193,17 @@ group! {
         exposure_ev: Option<f32> = None,
         /// Samples per pixel of the methods other than `path`, 1 to 4096; 1: the pixel's center.
         samples: u32 = 1,
+    }
+}
+
+group! {
+    /// The graphics device, where one renders.
+    GpuSettings {
+        /// Part of its name, in any case; null: the fastest that is not emulated on the processor.
+        device: Option<String> = None,
+        /// Whether to take only what every device has: smallest limits, no optional feature. For
+        /// finding out whether one of them makes a difference.
+        base: bool = false,
     }
 }
 
@@ -312,7 +328,7 @@ impl Settings {
     }
 
     /// Path, value, least and most of every number; what is left to the program is in its range.
-    fn ranges(&self) -> [(&'static str, f64, f64, f64); 16] {
+    fn ranges(&self) -> [(&'static str, f64, f64, f64); 17] {
         let Self { vpls, grid, shadow, film, .. } = self;
         let levels = grid.levels.unwrap_or(MIN_LEVELS);
         [
@@ -329,6 +345,7 @@ impl Settings {
             ("shadow.rays", shadow.rays.into(), 0.0, 256.0),
             ("shadow.start_level", shadow.start_level.into(), 0.0, MAX_LEVELS.into()),
             ("filter.passes", self.filter.passes.into(), 1.0, 8.0),
+            ("filter.history", self.filter.history.into(), 1.0, 256.0),
             ("path.spp", self.path.spp.into(), 1.0, 1_048_576.0),
             ("film.samples", film.samples.into(), 1.0, 4096.0),
             ("film.exposure_ev", film.exposure_ev.unwrap_or(0.0).into(), -40.0, 40.0),

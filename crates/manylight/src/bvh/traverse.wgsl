@@ -44,8 +44,8 @@ fn setup_ray(ray: Ray) -> RaySetup {
 }
 
 // Children that wait for their visit: x is the first of a node's inner children, y has a bit per
-// hit child from 24 on, by priority, and below the mask of inner slots. Of triangles, x is the first
-// and y has a bit each.
+// hit child from 24 on, by priority, and below the mask of inner slots. Of triangles, x is the
+// first and y has a bit each.
 struct Groups {
     nodes: vec2u,
     triangles: vec2u,

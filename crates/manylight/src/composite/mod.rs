@@ -2,6 +2,11 @@
 //!
 //! In: direct and indirect irradiance, ratio, receivers · Out: [`Layers`]
 
+#[cfg(feature = "gpu")]
+pub mod gpu;
+#[cfg(feature = "gpu")]
+pub mod tone;
+
 use crate::surface::Receivers;
 use glam::Vec3;
 

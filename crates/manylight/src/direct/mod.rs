@@ -4,6 +4,9 @@
 //! Sun, point and spot lights are exact, one shadow ray each (a few drawn by weight when there
 //! are many); the sky is lights at infinity; emissive surfaces go through a gather.
 
+#[cfg(feature = "gpu")]
+pub mod gpu;
+
 use crate::emitter::{DirectSample, Emitters, SkyEmitter};
 use crate::math::{Sequence, cosine_hemisphere, luminance};
 use crate::shadow;

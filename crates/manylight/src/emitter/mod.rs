@@ -3,6 +3,8 @@
 //! In: [`World`] · Out: [`Emitters`], [`EmittedRay`], [`DirectSample`]
 //! Units: flux W, radiance W·m⁻²·sr⁻¹, pdf_sa sr⁻¹
 
+#[cfg(feature = "gpu")]
+pub mod gpu;
 mod sky;
 mod surface;
 

@@ -10,7 +10,7 @@ use std::f32::consts::PI;
 pub struct SkyEmitter {
     sky: Sky,
     /// Over texels, by luminance and solid angle; unused for a constant sky.
-    by_flux: Discrete,
+    pub(super) by_flux: Discrete,
     mean: Vec3,
 }
 
@@ -74,7 +74,7 @@ impl SkyEmitter {
 }
 
 /// cosθ of a row's upper edge.
-fn row_cos(map: &SkyMap, row: f32) -> f32 {
+pub(super) fn row_cos(map: &SkyMap, row: f32) -> f32 {
     (PI * row / map.height as f32).cos()
 }
 

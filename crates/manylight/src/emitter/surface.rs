@@ -10,19 +10,19 @@ use std::f32::consts::PI;
 /// Every triangle that shines, chosen by its flux.
 #[derive(Debug)]
 pub struct SurfaceEmitter {
-    triangles: Vec<EmissiveTriangle>,
-    by_flux: Discrete,
+    pub(super) triangles: Vec<EmissiveTriangle>,
+    pub(super) by_flux: Discrete,
     /// Instance → position of its first triangle in `triangles`.
-    first_of_instance: HashMap<u32, u32>,
+    pub(super) first_of_instance: HashMap<u32, u32>,
 }
 
 #[derive(Clone, Copy, Debug)]
-struct EmissiveTriangle {
-    instance: u32,
-    triangle: u32,
-    area: f32,
+pub(super) struct EmissiveTriangle {
+    pub instance: u32,
+    pub triangle: u32,
+    pub area: f32,
     /// Emits on both sides.
-    double_sided: bool,
+    pub double_sided: bool,
 }
 
 /// A point on an emissive triangle.

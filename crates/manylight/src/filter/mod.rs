@@ -6,8 +6,11 @@
 //! few rays.
 //! Known failure: where a few rays cannot tell two shadows apart, their edge blurs.
 
+#[cfg(feature = "gpu")]
+pub mod gpu;
 mod planes;
 mod sweep;
+pub mod temporal;
 
 use crate::math::luminance;
 use crate::settings::FilterSettings;
@@ -35,7 +38,9 @@ pub struct Noisy<'a> {
     pub ratio: &'a [f32],
     /// What each counts beside its neighbors; empty if all the same.
     pub trust: &'a [f32],
-    /// Rays behind each of them.
+    /// Frames behind each of them; empty if one.
+    pub frames: &'a [f32],
+    /// Rays behind each of them in every frame.
     pub rays: u32,
 }
 
@@ -70,15 +75,17 @@ fn first_pass(noisy: &[Noisy<'_>], guides: &Planes) -> Planes {
     // p (1 − p) / n.
     let blind = By::Nothing { trust: &trust };
     let mut guess = Pass { guides, signals: &raw, by: blind, step: 1 }.run();
-    let (stride, pitch) = (guides.stride, raw.pitch());
+    let (width, stride, pitch) = (guides.width, guides.stride, raw.pitch());
     let rows = guess.data.par_chunks_mut(pitch).zip(raw.data.par_chunks_mut(pitch));
-    rows.for_each(|(guess, raw)| {
+    rows.enumerate().for_each(|(y, (guess, raw))| {
         let signals = guess.chunks_exact_mut(2 * stride).zip(raw.chunks_exact_mut(2 * stride));
         for ((guess, raw), noisy) in signals.zip(noisy) {
             let ((value, shrunk), raw) = (guess.split_at_mut(stride), &mut raw[stride..]);
-            let share = 1.0 / noisy.rays.max(1) as f32;
-            for ((p, shrunk), variance) in value.iter().zip(shrunk).zip(raw) {
-                *variance = (*p * (1.0 - *p)).max(LEAST_VARIANCE) * share;
+            let rays = noisy.rays.max(1) as f32;
+            let frames = noisy.frames.get(y * width..(y + 1) * width);
+            for (x, ((p, shrunk), variance)) in value.iter().zip(shrunk).zip(raw).enumerate() {
+                let frames = frames.and_then(|frames| frames.get(x)).copied().unwrap_or(1.0);
+                *variance = (*p * (1.0 - *p)).max(LEAST_VARIANCE) * (1.0 / (rays * frames));
                 *shrunk *= *variance;
             }
         }

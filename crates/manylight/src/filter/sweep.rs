@@ -12,14 +12,14 @@ const PLANE_SCALE: usize = 7;
 /// Receivers that are worked on at once: their sums and guides fit the nearest cache.
 const RUN: usize = 128;
 /// Weights along an axis: passes of doubling steps add up to a tent.
-const KERNEL: [f32; 3] = [0.25, 0.5, 0.25];
+pub(super) const KERNEL: [f32; 3] = [0.25, 0.5, 0.25];
 /// 1 / the squared difference of albedos that halves a weight: another material is likely another
 /// surface, where normals and planes do not tell.
-const ALBEDO_SCALE: f32 = 1.0 / (0.4 * 0.4);
+pub(super) const ALBEDO_SCALE: f32 = 1.0 / (0.4 * 0.4);
 /// How many standard deviations apart two ratios halve each other's weight.
-const RATIO_SLACK: f32 = 1.5;
+pub(super) const RATIO_SLACK: f32 = 1.5;
 /// Keeps a quotient of two zeros away.
-const LEAST_NOISE: f32 = 1e-12;
+pub(super) const LEAST_NOISE: f32 = 1e-12;
 
 /// What receivers are compared by besides their surfaces, as far as its variance tells. Trust is
 /// what each value counts.

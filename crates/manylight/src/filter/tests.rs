@@ -5,9 +5,9 @@ use glam::Vec3;
 use manylight_scene::{Camera, Projection};
 
 /// Distance between receivers, metres.
-const PIXEL: f32 = 0.01;
+pub(super) const PIXEL: f32 = 0.01;
 
-fn wall(width: usize, height: usize, normal: impl Fn(usize) -> Vec3) -> Receivers {
+pub(super) fn wall(width: usize, height: usize, normal: impl Fn(usize) -> Vec3) -> Receivers {
     let samples = (0..width * height).map(|i| {
         let (x, y) = (i % width, i / width);
         let surface = SurfacePoint {
@@ -23,7 +23,7 @@ fn wall(width: usize, height: usize, normal: impl Fn(usize) -> Vec3) -> Receiver
     Receivers { width, height, samples: samples.collect() }
 }
 
-fn view(receivers: &Receivers) -> ViewFrame {
+pub(super) fn view(receivers: &Receivers) -> ViewFrame {
     let camera = Camera {
         name: String::new(),
         position: Vec3::new(0.0, 0.0, 5.0),
@@ -36,12 +36,12 @@ fn view(receivers: &Receivers) -> ViewFrame {
 }
 
 fn smoothed(ratio: &[f32], rays: u32, receivers: &Receivers) -> Vec<f32> {
-    let noisy = [Noisy { ratio, trust: &[], rays }];
+    let noisy = [Noisy { ratio, trust: &[], frames: &[], rays }];
     atrous(&noisy, receivers, &view(receivers), &FilterSettings::default()).remove(0)
 }
 
 /// Shares of `rays` rays that a `share` of directions lets through.
-fn shares(count: usize, rays: u32, share: f32) -> Vec<f32> {
+pub(super) fn shares(count: usize, rays: u32, share: f32) -> Vec<f32> {
     let seen = |ray: u32| unit_f32(hash_u32(ray)) < share;
     let open = |i: u32| (0..rays).filter(|&ray| seen(i * rays + ray)).count();
     (0..count as u32).map(|i| open(i) as f32 / rays as f32).collect()
@@ -97,8 +97,10 @@ fn parallel_walls_do_not_mix() {
 fn ratios_filtered_together_are_as_filtered_alone() {
     let receivers = wall(150, 40, |x| if x < 71 { Vec3::Z } else { Vec3::X });
     let (a, b) = (shares(150 * 40, 4, 0.7), shares(150 * 40, 2, 0.2));
-    let noisy =
-        [Noisy { ratio: &a, trust: &[], rays: 4 }, Noisy { ratio: &b, trust: &[], rays: 2 }];
+    let noisy = [
+        Noisy { ratio: &a, trust: &[], frames: &[], rays: 4 },
+        Noisy { ratio: &b, trust: &[], frames: &[], rays: 2 },
+    ];
     let settings = FilterSettings::default();
     let together = atrous(&noisy, &receivers, &view(&receivers), &settings);
     assert_eq!(together, [smoothed(&a, 4, &receivers), smoothed(&b, 2, &receivers)]);
@@ -123,7 +125,7 @@ fn a_picture_smaller_than_the_reach_is_filtered() {
     for [width, height] in [[1, 1], [3, 2], [1, 200]] {
         let receivers = wall(width, height, |_| Vec3::Z);
         let ratio = vec![0.5; width * height];
-        let noisy = [Noisy { ratio: &ratio, trust: &[], rays: 4 }];
+        let noisy = [Noisy { ratio: &ratio, trust: &[], frames: &[], rays: 4 }];
         let smooth = atrous(&noisy, &receivers, &view(&receivers), &settings).remove(0);
         assert!(smooth.iter().all(|p| (p - 0.5).abs() < 1e-6) && smooth.len() == ratio.len());
     }
@@ -151,7 +153,7 @@ fn a_far_orthographic_camera_leaves_planes_whole() {
     };
     let noisy = shares(64 * 64, 1, 0.5);
     let far = ViewFrame::new(&camera, 64, 64);
-    let signals = [Noisy { ratio: &noisy, trust: &[], rays: 1 }];
+    let signals = [Noisy { ratio: &noisy, trust: &[], frames: &[], rays: 1 }];
     let smooth = atrous(&signals, &receivers, &far, &FilterSettings::default()).remove(0);
     let variance = smooth.iter().map(|p| (p - 0.5).powi(2)).sum::<f32>() / 4096.0;
     assert!(variance < 0.25 / 40.0, "{variance}");
@@ -175,7 +177,7 @@ fn what_drew_little_counts_little() {
     let trust: Vec<f32> = (0..64 * 64).map(|i| if failed(i) { 0.0 } else { 1.0 }).collect();
     let settings = FilterSettings::default();
     let middle = |trust: &[f32]| {
-        let noisy = [Noisy { ratio: &ratio, trust, rays: 4 }];
+        let noisy = [Noisy { ratio: &ratio, trust, frames: &[], rays: 4 }];
         atrous(&noisy, &receivers, &view(&receivers), &settings).remove(0)[32 * 64 + 32]
     };
     assert!((middle(&trust) - 0.75).abs() < 0.05, "{}", middle(&trust));

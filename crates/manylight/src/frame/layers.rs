@@ -7,14 +7,14 @@ use std::f32::consts::PI;
 
 impl Layers {
     /// direct = albedo/π · irradiance.
-    pub(super) fn set_direct(&mut self, irradiance: &[Vec3]) {
+    pub(crate) fn set_direct(&mut self, irradiance: &[Vec3]) {
         for (i, e) in irradiance.iter().enumerate() {
             self.direct[i] = self.albedo[i] / PI * *e;
         }
     }
 
     /// direct += albedo/π · what arrives.
-    pub(super) fn add_direct(&mut self, g: &Gathered) {
+    pub(crate) fn add_direct(&mut self, g: &Gathered) {
         for i in 0..g.unshadowed.len() {
             self.direct[i] += self.albedo[i] / PI * g.arriving(i);
             self.evals[i] += g.evals[i] as f32;
@@ -22,7 +22,7 @@ impl Layers {
     }
 
     /// indirect = albedo/π · what arrives.
-    pub(super) fn set_indirect(&mut self, g: &Gathered) {
+    pub(crate) fn set_indirect(&mut self, g: &Gathered) {
         for i in 0..g.unshadowed.len() {
             let brdf = self.albedo[i] / PI;
             self.indirect_unshadowed[i] = brdf * g.unshadowed[i];

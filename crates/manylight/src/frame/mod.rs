@@ -2,6 +2,8 @@
 //!
 //! In: [`Scene`], camera, [`Settings`] · Out: [`Frame`]
 
+#[cfg(feature = "gpu")]
+pub mod gpu;
 mod layers;
 mod stage;
 
@@ -14,7 +16,7 @@ use crate::error::Error;
 use crate::filter::{self, Noisy};
 use crate::gather::{Gathered, brute, grid};
 use crate::math::{Sequence, hash_u32, morton_2d};
-use crate::reference::PathTracer;
+use crate::reference::{PIXEL_KEY, PathTracer};
 use crate::settings::{Method, Settings, VplSettings};
 use crate::surface::{Receivers, ViewFrame};
 use crate::vlight::vpl;
@@ -86,10 +88,7 @@ impl Renderer {
         progress: Progress<'_>,
     ) -> Result<Frame, Error> {
         settings.validate()?;
-        if width == 0 || height == 0 || width.saturating_mul(height) > MAX_PIXELS {
-            let problem = format!("{width}x{height} is empty or above {MAX_PIXELS} pixels");
-            return Err(Error::Setting { path: "size".to_owned(), problem });
-        }
+        check_size([width, height])?;
         let view = ViewFrame::new(camera, width, height);
         let mut clock = Clock::new(progress);
         let samples = if settings.method == Method::Path { 1 } else { settings.film.samples };
@@ -292,6 +291,7 @@ impl Renderer {
                 .map(|(Gathered { shadow_ratio: ratio, trust, .. }, rays)| Noisy {
                     ratio,
                     trust,
+                    frames: &[],
                     rays: *rays,
                 })
                 .collect();
@@ -318,7 +318,7 @@ impl Renderer {
         let spp = settings.path.spp;
         let pixels = clock.run_rows("paths", view.height, |tick| {
             let pixel = |i: usize| {
-                let seed = hash_u32(settings.seed ^ hash_u32(i as u32 ^ 0x3c6e_f372));
+                let seed = hash_u32(settings.seed ^ hash_u32(i as u32 ^ PIXEL_KEY));
                 let mut sums = [glam::DVec3::ZERO; 3];
                 for s in 0..spp {
                     let (x, y) = (i % view.width, i / view.width);
@@ -348,6 +348,15 @@ impl Renderer {
     fn sky(&self, direction: Vec3) -> Vec3 {
         self.emitters.sky.as_ref().map_or(Vec3::ZERO, |s| s.radiance(direction))
     }
+}
+
+/// Errors: a size without pixels or above [`MAX_PIXELS`]
+fn check_size([width, height]: [usize; 2]) -> Result<(), Error> {
+    if width > 0 && height > 0 && width.saturating_mul(height) <= MAX_PIXELS {
+        return Ok(());
+    }
+    let problem = format!("{width}x{height} is empty or above {MAX_PIXELS} pixels");
+    Err(Error::Setting { path: "size".to_owned(), problem })
 }
 
 #[cfg(test)]

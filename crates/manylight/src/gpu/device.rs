@@ -3,6 +3,7 @@
 use super::recorder::{Arena, Recorder};
 use super::{Buf, KernelInfo, Record, SHADERS, link};
 use crate::error::Error;
+use crate::settings::GpuSettings;
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -16,6 +17,14 @@ pub struct GpuOptions {
     pub base: bool,
     /// Whether a device that is emulated on the processor will do.
     pub software: bool,
+}
+
+impl From<&GpuSettings> for GpuOptions {
+    /// A device that is emulated will do where it is named.
+    fn from(settings: &GpuSettings) -> Self {
+        let GpuSettings { device, base } = settings;
+        Self { adapter: device.clone(), base: *base, software: device.is_some() }
+    }
 }
 
 /// A device of this machine.

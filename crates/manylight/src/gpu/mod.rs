@@ -2,9 +2,8 @@
 //!
 //! In: an adapter of this machine, or an engine's device and queue · Out: [`Gpu`], [`Buf`],
 //! [`Recorder`]
-//! Knows no light transport. Kernels are declared by [`kernel!`](crate::gpu::kernel) in the `gpu.rs`
-//! of their room, records they share with Rust by [`record!`](crate::gpu::record); a test compares
-//! both with the shaders.
+//! Knows no light transport. Kernels are declared by `kernel!` in the `gpu.rs` of their room,
+//! records they share with Rust by `record!`; a test compares both with the shaders.
 //! Limits: `wgpu::Limits::defaults()` and no optional feature is enough.
 
 mod buffer;

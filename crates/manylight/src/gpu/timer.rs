@@ -4,7 +4,7 @@ use super::Gpu;
 use crate::error::Error;
 
 /// Most timed passes of one submission.
-const MOST_PASSES: u32 = 96;
+const MOST_PASSES: u32 = 1024;
 
 /// What one stage took on the device.
 #[derive(Clone, Copy, Debug, PartialEq)]

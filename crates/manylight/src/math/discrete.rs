@@ -43,6 +43,34 @@ impl Discrete {
         }
     }
 
+    /// Running sums as shares of 2³², for draws with integers alone; the last one is 2³² − 1.
+    ///
+    /// For u = k/2²⁴ the first entry above k·2⁸ is what [`Discrete::sample`] draws, bit for bit;
+    /// there is none where every weight is zero.
+    pub fn thresholds(&self) -> Vec<u32> {
+        const DRAWS: u32 = 1 << 24;
+        let total = self.total();
+        let target = |k: u32| f64::from(k) / f64::from(DRAWS) * total;
+        let threshold = |&sum: &f64| {
+            if sum <= 0.0 {
+                return 0;
+            }
+            let share = sum / total;
+            // The first draw that passes the sum, found by the roundings of a draw itself.
+            let mut first = ((share * f64::from(DRAWS)).ceil() as u32).clamp(1, DRAWS);
+            while first > 1 && target(first - 1) >= sum {
+                first -= 1;
+            }
+            while first < DRAWS && target(first) < sum {
+                first += 1;
+            }
+            let (above, most) = (u64::from(first - 1) << 8, u64::from(first) << 8);
+            let exact = (share * 4_294_967_296.0).ceil() as u64;
+            exact.clamp(above + 1, most).min(u64::from(u32::MAX)) as u32
+        };
+        self.cumulative.iter().map(threshold).collect()
+    }
+
     /// Probability of `index`.
     #[inline]
     pub fn pmf(&self, index: usize) -> f32 {

@@ -45,6 +45,37 @@ fn discrete_draws_in_proportion_and_never_a_zero() {
 }
 
 #[test]
+fn thresholds_draw_what_sums_draw() {
+    let key = |i: u32| unit_f32(hash_u32(i));
+    let skewed = |i: u32| if i.is_multiple_of(3) { 0.0 } else { key(i).powi(20) * 1e9 };
+    let tables: [Vec<f32>; 8] = [
+        vec![0.0, 1.0, 0.0, 3.0, f32::NAN, -2.0, 0.0],
+        vec![1.0, 1.0, 1.0],
+        vec![1e-30, 1e30, 1e-30],
+        vec![5e-45, 0.0],
+        vec![0.0, 0.0],
+        Vec::new(),
+        (0..1000).map(key).collect(),
+        (0..3000).map(skewed).collect(),
+    ];
+    for weights in tables {
+        let discrete = Discrete::new(weights.iter().copied());
+        let thresholds = discrete.thresholds();
+        let check = |k: u32| {
+            let index = thresholds.partition_point(|&t| t <= k << 8);
+            let drawn = (index < thresholds.len()).then_some(index);
+            assert_eq!(drawn, discrete.sample(k as f32 / 16_777_216.0), "{k}");
+        };
+        (0..20_000).for_each(|i| check(hash_u32(i) >> 8));
+        // Where one entry ends and the next begins.
+        for &t in &thresholds {
+            let k = t >> 8;
+            (k.saturating_sub(2)..=(k + 2).min((1 << 24) - 1)).for_each(check);
+        }
+    }
+}
+
+#[test]
 fn warps_have_the_stated_means() {
     let n = Vec3::new(0.3, -0.8, 0.5).normalize();
     let (mut cosine, mut cone) = (0.0, Vec3::ZERO);

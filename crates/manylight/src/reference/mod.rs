@@ -5,6 +5,9 @@
 //! A bounce limit of n covers the light paths that virtual lights of n bounces cover: at most
 //! n + 1 surfaces between light and eye.
 
+#[cfg(feature = "gpu")]
+pub mod gpu;
+
 use crate::bvh::Ray;
 use crate::direct;
 use crate::emitter::{Emitters, SurfaceSample};
@@ -14,6 +17,9 @@ use crate::surface::{SurfacePoint, ViewFrame};
 use crate::world::{Hit, World};
 use glam::{Vec2, Vec3};
 use std::f32::consts::PI;
+
+/// Tells the seeds of pixels from those of other things with the same index.
+pub(crate) const PIXEL_KEY: u32 = 0x3c6e_f372;
 
 /// Radiance of one camera path, split by the length of the light's way.
 #[derive(Clone, Copy, Debug, Default)]

@@ -2,6 +2,9 @@
 //!
 //! In: [`World`], [`SurfacePoint`] · Out: visibility, 0 or 1
 
+#[cfg(feature = "gpu")]
+pub mod gpu;
+
 use crate::bvh::Ray;
 use crate::surface::SurfacePoint;
 use crate::vlight::Vpl;

@@ -48,10 +48,56 @@ impl ViewFrame {
         Ray { origin, direction, t_max: f32::MAX }
     }
 
+    /// Where a point is seen, in pixels from the top left; `None` behind the eye.
+    #[inline]
+    pub(crate) fn project(&self, p: Vec3) -> Option<Vec2> {
+        let [right, up] = self.axes();
+        let (q, depth) = (p - self.position, self.depth(p));
+        let scale = match self.perspective {
+            true if depth <= 0.0 => return None,
+            true => 1.0 / depth,
+            false => 1.0,
+        };
+        let (x, y) = (q.dot(right) * scale, q.dot(up) * scale);
+        Some(Vec2::new(x + 1.0, 1.0 - y) * 0.5 * Vec2::new(self.width as f32, self.height as f32))
+    }
+
+    /// Right and up, of length 1 over half the picture's extent: at distance 1, or in metres if
+    /// orthographic.
+    #[inline]
+    pub(crate) fn axes(&self) -> [Vec3; 2] {
+        self.half.map(|half| half / half.length_squared())
+    }
+
     /// Distance along the viewing axis, metres.
     #[inline]
     pub fn depth(&self, p: Vec3) -> f32 {
         (p - self.position).dot(self.forward)
+    }
+
+    /// Where rays of a perspective view start; the center of the picture of an orthographic one.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn eye(&self) -> Vec3 {
+        self.position
+    }
+
+    /// Unit viewing direction.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn forward(&self) -> Vec3 {
+        self.forward
+    }
+
+    /// Whether rays start at one point.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn is_perspective(&self) -> bool {
+        self.perspective
+    }
+
+    /// Side of a pixel at the eye, and what is added to it per metre of depth, metres.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn pixel_size_terms(&self) -> [f32; 2] {
+        let at_one = self.pixel_size(1.0);
+        if self.perspective { [0.0, at_one] } else { [at_one, 0.0] }
     }
 
     /// Side of a pixel at a distance along the viewing axis, metres.

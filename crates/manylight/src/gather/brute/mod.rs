@@ -3,6 +3,9 @@
 //! In: receivers, lights · Out: shadowed and unshadowed irradiance
 //! Cost: receivers × lights rays, except where a cosine is zero.
 
+#[cfg(feature = "gpu")]
+pub mod gpu;
+
 use crate::shadow;
 use crate::surface::SurfacePoint;
 use crate::vlight::{Vpl, vpl};

@@ -22,7 +22,7 @@ const MOST_PER_VPL: usize = 4;
 /// Bits of a sort key: three for the lobe, above three a level.
 const KEY_BITS: u32 = 3 * MAX_LEVELS;
 /// Lobe of lights that are left out: sorts them behind all others.
-const LEFT_OUT: u32 = 7;
+pub(super) const LEFT_OUT: u32 = 7;
 
 impl LightingGrid {
     /// Builds the hierarchy over `lights`.

@@ -10,11 +10,11 @@ use rayon::prelude::*;
 use std::f32::consts::PI;
 
 /// Paths traced between two looks at the count.
-const BATCH: u32 = 1 << 14;
+pub(super) const BATCH: u32 = 1 << 14;
 /// Gives up on a scene whose light paths leave fewer lights than one per this many paths.
-const PATHS_PER_LIGHT: u64 = 256;
+pub(super) const PATHS_PER_LIGHT: u64 = 256;
 /// Largest correction of a shading normal against the geometric one at a light path's vertex.
-const MAX_NORMAL_CORRECTION: f32 = 8.0;
+pub(super) const MAX_NORMAL_CORRECTION: f32 = 8.0;
 
 /// Traces light paths until about `count` lights exist, at most `bounces` to a path.
 ///

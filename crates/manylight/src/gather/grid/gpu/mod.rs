@@ -1,16 +1,18 @@
 //! The hierarchy on the graphics device.
 
 mod alpha;
+mod build;
 mod capacity;
 mod gather;
 mod params;
 pub mod record;
 mod upload;
 
+pub use build::{GridBuild, GridRules};
 pub use capacity::GatherCapacity;
 pub use gather::{Gather, GatherInput, GatherOut};
 pub use params::{GatherStats, Reach};
-pub use record::{GpuGrid, GridInfo};
+pub use record::{GpuGrid, GridCapacity, GridInfo};
 
 use crate::gpu::{Constant, Value};
 

@@ -89,8 +89,8 @@ record! {
         pub inner: u32,
         /// First of its virtual lights.
         pub light: u32,
-        /// Which eighth of the coarser cell it is (bits 0–2), and which of its corners it owns (bits
-        /// 8–15): those of whose cells it is the first.
+        /// Which eighth of the coarser cell it is (bits 0–2), and which of its corners it owns
+        /// (bits 8–15): those of whose cells it is the first.
         pub octant_owned: u32,
         /// Grid light of the first corner that it owns, in the list of all levels; the others
         /// follow, in the order of the corners.
@@ -101,6 +101,38 @@ record! {
         pub cell_z_lobe: u32,
         /// Nothing.
         pub _pad: [u32; 2],
+    }
+}
+
+/// What a hierarchy has room for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct GridCapacity {
+    /// Virtual lights.
+    pub vpls: usize,
+    /// Cells of all levels, and a sentinel for each level.
+    pub cells: usize,
+    /// Grid lights of all levels.
+    pub lights: usize,
+}
+
+impl GridCapacity {
+    /// What most sets of some virtual lights need.
+    pub fn for_vpls(vpls: usize) -> Self {
+        Self { vpls, cells: vpls + 1024, lights: vpls + vpls / 4 + 4096 }
+    }
+
+    /// Room for what a build needed, with some to spare; `None` where there was enough.
+    pub fn grown(&self, info: &GridInfo) -> Option<Self> {
+        let (cells, lights) = (info.cell_count as usize, info.light_count as usize);
+        let mut grown = *self;
+        if cells > self.cells {
+            // The lights were not counted: every cell has one of its own at least.
+            grown.cells = cells + cells / 8;
+            grown.lights = self.lights.max(cells + cells / 4);
+        } else if lights > self.lights {
+            grown.lights = lights + lights / 8;
+        }
+        (grown != *self).then_some(grown)
     }
 }
 
@@ -118,12 +150,12 @@ pub struct GpuGrid {
     pub lights: Buf<GridLightRecord>,
     /// One for each of `lights`.
     pub octants: Buf<OctantsRecord>,
-    /// The virtual lights that take part, sorted by (lobe, Morton code of the finest possible cell).
+    /// The virtual lights that take part, sorted by lobe and Morton code of the finest cell.
     pub vpls: Buf<VplRecord>,
     /// Position in level-1 cells and luminance of each virtual light.
     pub points: Buf<[f32; 4]>,
-    /// What each block of [`BLOCK`] virtual lights shares to the corners of their own level-1 cells;
-    /// after all blocks, from `blocks_of(vpls.len())` on, each block of [`SUPERBLOCK`] lights.
+    /// What each block of [`BLOCK`] virtual lights shares to the corners of their own level-1
+    /// cells; from `blocks_of(vpls.len())` on, each block of [`SUPERBLOCK`] lights.
     pub blocks: Buf<[f32; 8]>,
 }
 
@@ -136,7 +168,9 @@ impl GpuGrid {
     /// Room for a hierarchy.
     ///
     /// Errors: more than the device can hold in one list
-    pub fn new(gpu: &Gpu, vpls: usize, cells: usize, lights: usize) -> Result<Self, Error> {
+    pub fn new(gpu: &Gpu, capacity: &GridCapacity) -> Result<Self, Error> {
+        let GridCapacity { vpls, cells, lights } = *capacity;
+        let blocks = blocks_of(vpls) + vpls.div_ceil(SUPERBLOCK);
         Ok(Self {
             info: gpu.buffer("grid levels", 1)?,
             cells: gpu.buffer("grid cells", cells)?,
@@ -144,8 +178,7 @@ impl GpuGrid {
             octants: gpu.buffer("octants of grid lights", lights)?,
             vpls: gpu.buffer("sorted virtual lights", vpls)?,
             points: gpu.buffer("points of virtual lights", vpls)?,
-            blocks: gpu
-                .buffer("blocks of virtual lights", blocks_of(vpls) + vpls.div_ceil(SUPERBLOCK))?,
+            blocks: gpu.buffer("blocks of virtual lights", blocks)?,
         })
     }
 }

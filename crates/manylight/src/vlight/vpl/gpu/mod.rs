@@ -1,4 +1,10 @@
-//! Virtual point lights on the graphics device.
+//! Virtual point lights on the graphics device: their record, and tracing them.
+
+mod emitters;
+mod trace;
+
+pub use emitters::EmitterTracer;
+pub use trace::VplTracer;
 
 use super::Vpl;
 use crate::error::Error;
@@ -29,8 +35,10 @@ record! {
         pub count: u32,
         /// Light paths that were traced for them.
         pub path_count: u32,
+        /// Lights that are wanted and that more rounds would find; 0 in a complete set.
+        pub missing: u32,
         /// Nothing.
-        pub _pad: [u32; 2],
+        pub _pad: u32,
     }
 }
 
@@ -55,6 +63,18 @@ impl From<&Vpl> for VplRecord {
 }
 
 impl GpuVpls {
+    /// Room for a set of about `count` lights from paths of up to `bounces` hits.
+    ///
+    /// Errors: more than the device can hold in one list
+    pub fn new(gpu: &Gpu, count: u32, bounces: u32) -> Result<Self, Error> {
+        // The last path begins before the set is full.
+        let most = count as usize + bounces.saturating_sub(1) as usize;
+        Ok(Self {
+            lights: gpu.buffer("virtual lights", most)?,
+            info: gpu.buffer("number of virtual lights", 1)?,
+        })
+    }
+
     /// Copies lights to the device.
     ///
     /// Errors: more than the device can hold in one list
@@ -67,3 +87,10 @@ impl GpuVpls {
         })
     }
 }
+
+/// Every kernel of this room.
+#[cfg(test)]
+pub(crate) const KERNELS: &[&[&crate::gpu::KernelInfo]] = &[trace::KERNELS, emitters::KERNELS];
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,128 @@
+//! Where a picture is computed.
+
+use crate::Failure;
+use crate::args::Backend;
+use manylight::frame::Progress;
+use manylight::frame::gpu::GpuRenderer;
+use manylight::gpu::{Gpu, GpuOptions};
+use manylight::{Frame, Renderer, Settings};
+use manylight_scene::{Camera, Scene};
+use std::io::Write;
+
+/// A renderer on one of the backends.
+pub enum Engine {
+    /// All cores of this machine.
+    Cpu(Box<Renderer>),
+    /// A graphics device; the flag tells whether the processor may take over.
+    Gpu(Box<GpuRenderer>, bool),
+}
+
+impl Engine {
+    /// Prepares a scene for the backend that was asked for.
+    ///
+    /// `auto` takes a graphics device that is not emulated, or that the settings name, if it works;
+    /// else the processor.
+    pub fn new(
+        scene: Scene,
+        backend: Backend,
+        settings: &Settings,
+        quiet: bool,
+    ) -> Result<Self, Failure> {
+        let renderer = Renderer::new(scene)?;
+        if backend == Backend::Cpu {
+            return Ok(Self::Cpu(Box::new(renderer)));
+        }
+        let may_fall_back = backend == Backend::Auto;
+        match Gpu::open(&GpuOptions::from(&settings.gpu)) {
+            Ok(gpu) => match GpuRenderer::new(gpu, renderer) {
+                Ok(engine) => Ok(Self::Gpu(Box::new(engine), may_fall_back)),
+                Err((renderer, reason)) if may_fall_back => {
+                    warn(&reason, quiet);
+                    Ok(Self::Cpu(renderer))
+                }
+                Err((_, reason)) => Err(reason.into()),
+            },
+            // Without a device there is nothing to warn of, unless one was named.
+            Err(reason) if may_fall_back => {
+                if settings.gpu.device.is_some() {
+                    warn(&reason, quiet);
+                }
+                Ok(Self::Cpu(Box::new(renderer)))
+            }
+            Err(reason) => Err(reason.into()),
+        }
+    }
+
+    /// Renders one picture.
+    pub fn render(
+        &mut self,
+        camera: &Camera,
+        size: [usize; 2],
+        settings: &Settings,
+        progress: Progress<'_>,
+        quiet: bool,
+    ) -> Result<Frame, Failure> {
+        let reason = match self {
+            Self::Cpu(renderer) => return Ok(renderer.render(camera, size, settings, progress)?),
+            Self::Gpu(engine, may_fall_back) => {
+                match engine.render(camera, size, settings, progress) {
+                    Err(reason @ manylight::Error::Device { .. }) if *may_fall_back => reason,
+                    result => return Ok(result?),
+                }
+            }
+        };
+        warn(&reason, quiet);
+        let renderer = self.renderer();
+        let frame = renderer.render(camera, size, settings, progress)?;
+        Ok(frame)
+    }
+
+    /// Renders one picture for its time: of each stage, ms.
+    pub fn time_frame(
+        &mut self,
+        camera: &Camera,
+        size: [usize; 2],
+        settings: &Settings,
+    ) -> Result<Vec<(&'static str, f64)>, Failure> {
+        Ok(match self {
+            Self::Cpu(renderer) => {
+                let frame = renderer.render(camera, size, settings, &|_, _| ())?;
+                frame.stages.iter().map(|s| (s.name, s.time_ms)).collect()
+            }
+            Self::Gpu(engine, _) => {
+                let times = engine.time_frame(camera, size, settings)?;
+                times.iter().map(|t| (t.name, t.time_ms)).collect()
+            }
+        })
+    }
+
+    /// Bytes that are held on a graphics device.
+    pub fn device_bytes(&self) -> Option<u64> {
+        match self {
+            Self::Cpu(_) => None,
+            Self::Gpu(engine, _) => Some(engine.gpu().bytes()),
+        }
+    }
+
+    /// World and emitters.
+    pub fn renderer(&self) -> &Renderer {
+        match self {
+            Self::Cpu(renderer) => renderer,
+            Self::Gpu(engine, _) => engine.renderer(),
+        }
+    }
+
+    /// Backend and device, for the metadata of a picture.
+    pub fn names(&self) -> [String; 2] {
+        match self {
+            Self::Cpu(_) => ["cpu".to_owned(), format!("{} threads", rayon::current_num_threads())],
+            Self::Gpu(engine, _) => ["gpu".to_owned(), engine.gpu().name().to_owned()],
+        }
+    }
+}
+
+fn warn(reason: &manylight::Error, quiet: bool) {
+    if !quiet {
+        let _ = writeln!(std::io::stderr(), "warning: {reason}; the processor takes over");
+    }
+}

@@ -1,0 +1,155 @@
+//! A set of virtual lights of a frame with its grid and its irradiance.
+
+use super::buffers::Buffers;
+use crate::error::Error;
+use crate::gather::grid::DETAIL;
+use crate::gather::grid::gpu::{
+    GatherInput, GatherOut, GpuGrid, GridBuild, GridCapacity, GridInfo, GridRules,
+};
+use crate::gpu::{Gpu, Recorder};
+use crate::settings::{MAX_LEVELS, Method, Settings};
+use crate::vlight::vpl::gpu::{EmitterTracer, GpuVpls, VplInfo, VplTracer};
+
+/// How a set is made.
+#[derive(Debug)]
+enum Tracer {
+    /// Points on emissive surfaces.
+    Emitters(EmitterTracer),
+    /// Hits of light paths.
+    Paths(Box<VplTracer>),
+}
+
+/// The grid of a set and what it gives to the receivers.
+#[derive(Debug)]
+pub(super) struct Gathered {
+    grid: GpuGrid,
+    build: GridBuild,
+    pub out: GatherOut,
+    /// Most levels, where more would make too many grid lights.
+    level_cap: u32,
+}
+
+/// A set of virtual lights of a frame.
+#[derive(Debug)]
+pub(super) struct Lights {
+    tracer: Tracer,
+    pub vpls: GpuVpls,
+    /// None where every light is summed up.
+    pub gathered: Option<Gathered>,
+    /// Of the last frame that was looked at.
+    pub info: VplInfo,
+    pub grid_lights: u32,
+}
+
+impl Lights {
+    /// Room for about `count` lights, on emissive surfaces or from light paths.
+    ///
+    /// Errors: more than the device can hold
+    pub fn new(
+        gpu: &Gpu,
+        on_emitters: bool,
+        size: [usize; 2],
+        settings: &Settings,
+    ) -> Result<Self, Error> {
+        let (count, bounces) = match on_emitters {
+            true => (settings.vpls.emitter_count, 1),
+            false => (settings.vpls.count, settings.vpls.bounces),
+        };
+        let tracer = match on_emitters {
+            true => Tracer::Emitters(EmitterTracer::new(gpu, count)?),
+            false => Tracer::Paths(Box::new(VplTracer::new(gpu, count, bounces)?)),
+        };
+        let vpls = GpuVpls::new(gpu, count, bounces)?;
+        let gathered = match settings.method {
+            Method::Brute => None,
+            _ => Some(Gathered::new(gpu, vpls.lights.len(), size)?),
+        };
+        Ok(Self { tracer, vpls, gathered, info: VplInfo::default(), grid_lights: 0 })
+    }
+
+    /// Makes the set.
+    pub fn trace(&self, rec: &mut Recorder<'_>, normal_maps: bool, seed: u32) {
+        match &self.tracer {
+            Tracer::Emitters(tracer) => tracer.record(rec, seed, &self.vpls),
+            Tracer::Paths(tracer) => tracer.record(rec, normal_maps, seed, &self.vpls),
+        }
+    }
+
+    /// Builds the grid and gathers from it.
+    pub fn gather(
+        &self,
+        rec: &mut Recorder<'_>,
+        buffers: &Buffers,
+        settings: &Settings,
+        d_min: f32,
+        seed: u32,
+    ) {
+        let Some(Gathered { grid, build, out, level_cap }) = &self.gathered else { return };
+        rec.stage("grid");
+        let mut rules = GridRules::new(&settings.grid, DETAIL * d_min);
+        rules.level_cap = *level_cap;
+        build.record(rec, &self.vpls, &rules, grid);
+        let receivers = &buffers.receivers;
+        let input = GatherInput { receivers, grid, settings, d_min, seed };
+        buffers.gather.record(rec, &input, out);
+    }
+
+    /// Lights of the last frame.
+    ///
+    /// Errors: what the device reported
+    pub fn count(&self, gpu: &Gpu) -> Result<usize, Error> {
+        Ok(gpu.read(&self.vpls.info, 1)?[0].count as usize)
+    }
+
+    /// Reach of the levels in the last frame; none without a grid.
+    ///
+    /// Errors: what the device reported
+    pub fn alpha(&self, gpu: &Gpu) -> Result<Option<f32>, Error> {
+        let Some(gathered) = &self.gathered else { return Ok(None) };
+        let reach = gpu.read(&gathered.out.reach, 1)?[0];
+        Ok((self.grid_lights > 0).then_some(reach.alpha))
+    }
+
+    /// Looks at what the frame would have needed, and makes room for it; whether it lacked any.
+    ///
+    /// Errors: more than the device can hold
+    pub fn grow(&mut self, gpu: &Gpu, settings: &Settings) -> Result<bool, Error> {
+        self.info = gpu.read(&self.vpls.info, 1)?[0];
+        let mut lacked = false;
+        if let Tracer::Paths(tracer) = &mut self.tracer
+            && self.info.missing > 0
+        {
+            tracer.set_rounds(tracer.rounds().saturating_mul(2));
+            lacked = true;
+        }
+        if let Some(gathered) = &mut self.gathered {
+            let info = gpu.read(&gathered.grid.info, 1)?[0];
+            self.grid_lights = info.light_count;
+            lacked |= gathered.grow(gpu, &info, settings)?;
+        }
+        Ok(lacked)
+    }
+}
+
+impl Gathered {
+    fn new(gpu: &Gpu, vpls: usize, [width, height]: [usize; 2]) -> Result<Self, Error> {
+        let capacity = GridCapacity::for_vpls(vpls);
+        Ok(Self {
+            grid: GpuGrid::new(gpu, &capacity)?,
+            build: GridBuild::new(gpu, capacity)?,
+            out: GatherOut::new(gpu, width, height)?,
+            level_cap: MAX_LEVELS,
+        })
+    }
+
+    fn grow(&mut self, gpu: &Gpu, info: &GridInfo, settings: &Settings) -> Result<bool, Error> {
+        if let Some(capacity) = self.build.capacity().grown(info) {
+            self.grid = GpuGrid::new(gpu, &capacity)?;
+            self.build = GridBuild::new(gpu, capacity)?;
+            return Ok(true);
+        }
+        let cap = GridRules::new(&settings.grid, 0.0).next_cap(info);
+        self.level_cap = cap.unwrap_or(self.level_cap);
+        Ok(cap.is_some())
+    }
+}

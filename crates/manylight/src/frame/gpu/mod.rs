@@ -1,0 +1,314 @@
+//! The same corridor on the graphics device.
+//!
+//! In: a scene prepared by [`Renderer`], camera, [`Settings`] · Out: [`Frame`]
+//! A frame of virtual lights is one submission; nothing is read back inside. What it would have
+//! needed comes back with it: where a buffer was too small it grows, and the frame is rendered
+//! again.
+
+mod buffers;
+mod lights;
+mod paths;
+
+use super::{BRUTE_SKY_RAYS, Frame, Progress, Renderer, Stage, check_size};
+use crate::composite::gpu::{Arriving, GatheredLight};
+use crate::direct::gpu::{SkyRays, record_lights, record_sky};
+use crate::emitter::gpu::{pack, record_background};
+use crate::error::Error;
+use crate::filter::gpu::GpuNoisy;
+use crate::gather::brute::gpu::GpuBrute;
+use crate::gpu::{Gpu, Recorder, StageTime};
+use crate::math::{Sequence, hash_u32};
+use crate::settings::{Method, Settings};
+use crate::surface::ViewFrame;
+use crate::world::gpu::GpuWorld;
+use buffers::Buffers;
+use glam::Vec2;
+use manylight_scene::Camera;
+
+/// Times that a frame is rendered again with larger buffers before it gives up.
+const MOST_TRIES: u32 = 16;
+
+/// A scene on the device: build once, render many frames.
+#[derive(Debug)]
+pub struct GpuRenderer {
+    gpu: Gpu,
+    renderer: Box<Renderer>,
+    scene: GpuWorld,
+    buffers: Option<Buffers>,
+}
+
+/// One picture to be rendered.
+#[derive(Clone, Copy)]
+struct Job<'a> {
+    view: &'a ViewFrame,
+    settings: &'a Settings,
+    /// Position among the samples of a pixel.
+    sample: u32,
+}
+
+impl Job<'_> {
+    /// Seed of everything in this sample.
+    fn seed(&self) -> u32 {
+        hash_u32(self.settings.seed ^ hash_u32(self.sample))
+    }
+
+    /// Where in its pixel a camera ray starts.
+    fn offset_px(&self) -> Vec2 {
+        match self.settings.film.samples {
+            1 => Vec2::splat(0.5),
+            _ => Vec2::from_array(Sequence::new(self.settings.seed, self.sample).next_2d()),
+        }
+    }
+}
+
+impl GpuRenderer {
+    /// Copies a scene to the device.
+    ///
+    /// Errors: what the device cannot hold; the renderer is handed back
+    pub fn new(gpu: Gpu, renderer: Renderer) -> Result<Self, (Box<Renderer>, Error)> {
+        let renderer = Box::new(renderer);
+        let sources = pack(&renderer.world, &renderer.emitters);
+        match GpuWorld::new(&gpu, &renderer.world, &sources) {
+            Ok(scene) => Ok(Self { gpu, renderer, scene, buffers: None }),
+            Err(reason) => Err((renderer, reason)),
+        }
+    }
+
+    /// The device.
+    pub fn gpu(&self) -> &Gpu {
+        &self.gpu
+    }
+
+    /// World and emitters.
+    pub fn renderer(&self) -> &Renderer {
+        &self.renderer
+    }
+
+    /// Renders one picture.
+    ///
+    /// The same seed gives the same bits on the same device.
+    /// Errors: as [`Renderer::render`], and what the device cannot do
+    pub fn render(
+        &mut self,
+        camera: &Camera,
+        size: [usize; 2],
+        settings: &Settings,
+        progress: Progress<'_>,
+    ) -> Result<Frame, Error> {
+        settings.validate()?;
+        check_size(size)?;
+        let view = ViewFrame::new(camera, size[0], size[1]);
+        let mut times = Vec::new();
+        if settings.method == Method::Path {
+            return self.render_paths(&view, settings, progress);
+        }
+        let samples = settings.film.samples;
+        for sample in 0..samples {
+            progress("frame", f64::from(sample) / f64::from(samples));
+            let job = Job { view: &view, settings, sample };
+            add_times(&mut times, self.render_sample(job, progress)?);
+        }
+        self.finish(settings, times)
+    }
+
+    /// Renders one picture without bringing it back, and tells what its stages took.
+    ///
+    /// Errors: as [`GpuRenderer::render`]
+    pub fn time_frame(
+        &mut self,
+        camera: &Camera,
+        size: [usize; 2],
+        settings: &Settings,
+    ) -> Result<Vec<StageTime>, Error> {
+        settings.validate()?;
+        check_size(size)?;
+        let view = ViewFrame::new(camera, size[0], size[1]);
+        self.render_sample(Job { view: &view, settings, sample: 0 }, &|_, _| ())
+    }
+
+    /// One sample per pixel, again and again until every buffer was large enough.
+    fn render_sample(
+        &mut self,
+        job: Job<'_>,
+        progress: Progress<'_>,
+    ) -> Result<Vec<StageTime>, Error> {
+        let size = [job.view.width, job.view.height];
+        let mut buffers = Buffers::take(self.buffers.take(), self, size, job.settings)?;
+        for _ in 0..MOST_TRIES {
+            let times = match job.settings.method {
+                Method::Brute => self.run_brute(&buffers, job, progress)?,
+                _ => self.run_grid(&buffers, job)?,
+            };
+            if !buffers.grow(&self.gpu, job.settings)? {
+                self.buffers = Some(buffers);
+                return Ok(times);
+            }
+        }
+        let problem = "its lists of lights grow without end; render with --backend cpu".to_owned();
+        Err(Error::Device { problem })
+    }
+
+    /// Records and runs the frame of the grid method and of direct light alone.
+    fn run_grid(&self, buffers: &Buffers, job: Job<'_>) -> Result<Vec<StageTime>, Error> {
+        let mut rec = self.gpu.record(Some(self.scene.group()));
+        self.record_frame(&mut rec, buffers, job);
+        rec.submit().wait()
+    }
+
+    /// The list of stages.
+    fn record_frame(&self, rec: &mut Recorder<'_>, buffers: &Buffers, job: Job<'_>) {
+        let Job { settings, view, .. } = job;
+        let (seed, d_min) = (job.seed(), self.renderer.d_min(settings));
+        let Buffers { receivers, layers, .. } = buffers;
+        self.record_receivers(rec, buffers, job);
+        if let Some(sky) = &buffers.sky {
+            rec.stage("sky");
+            let rays = sky_rays(settings);
+            let sky_rays = SkyRays { rays, seed: seed ^ 5, exact: false };
+            record_sky(rec, receivers, sky_rays, &sky.unshadowed, &sky.ratio);
+        }
+        let normal_maps = settings.surface.normal_maps;
+        if let Some(lights) = &buffers.emitted {
+            rec.stage("emitter vpls");
+            lights.trace(rec, normal_maps, seed ^ 1);
+            lights.gather(rec, buffers, settings, d_min, seed ^ 2);
+        }
+        if let Some(lights) = &buffers.bounced {
+            rec.stage("vpls");
+            lights.trace(rec, normal_maps, seed ^ 3);
+            lights.gather(rec, buffers, settings, d_min, seed ^ 4);
+        }
+        let gathers = buffers.gathers(settings);
+        let noisy: Vec<_> = gathers.iter().filter(|g| g.rays > 0).collect();
+        let signals: Vec<_> = noisy
+            .iter()
+            .map(|g| GpuNoisy { shares: g.ratio, frames: None, rays: g.rays })
+            .collect();
+        let smooth = if settings.filter.enabled && !signals.is_empty() {
+            rec.stage("filter");
+            buffers.guides.record(rec, receivers, view);
+            buffers.filter.record(rec, &buffers.guides, &signals, &settings.filter)
+        } else {
+            &[]
+        };
+        layers.begin(rec, receivers, &buffers.irradiance, job.sample, buffers.bounced.is_some());
+        let mut smooth = smooth.iter();
+        for gather in &gathers {
+            let filtered = if gather.rays > 0 { smooth.next() } else { None };
+            let arriving = Arriving::Ratio(filtered.unwrap_or(gather.ratio));
+            let (unshadowed, is_direct) = (gather.unshadowed, gather.is_direct);
+            layers.add(rec, receivers, &GatheredLight { unshadowed, arriving, is_direct });
+        }
+        layers.finish(rec, receivers);
+    }
+
+    /// Receivers, what the sky gives to the other pixels, and light from points and suns.
+    fn record_receivers(&self, rec: &mut Recorder<'_>, buffers: &Buffers, job: Job<'_>) {
+        let (view, offset_px) = (job.view, job.offset_px());
+        rec.stage("receivers");
+        let normal_maps = job.settings.surface.normal_maps;
+        buffers.receivers.trace(rec, view, offset_px, normal_maps);
+        record_background(rec, &buffers.receivers, view, offset_px);
+        rec.stage("direct");
+        record_lights(rec, &buffers.receivers, job.seed(), &buffers.irradiance);
+    }
+
+    /// The frame of the brute method: long work in many submissions.
+    fn run_brute(
+        &self,
+        buffers: &Buffers,
+        job: Job<'_>,
+        progress: Progress<'_>,
+    ) -> Result<Vec<StageTime>, Error> {
+        let (settings, seed) = (job.settings, job.seed());
+        let d_min = self.renderer.d_min(settings);
+        let normal_maps = settings.surface.normal_maps;
+        let Buffers { receivers, layers, .. } = buffers;
+        let mut rec = self.gpu.record(Some(self.scene.group()));
+        self.record_receivers(&mut rec, buffers, job);
+        if let Some(sky) = &buffers.sky {
+            rec.stage("sky");
+            let sky_rays = SkyRays { rays: BRUTE_SKY_RAYS, seed: seed ^ 5, exact: true };
+            record_sky(&mut rec, receivers, sky_rays, &sky.unshadowed, &sky.ratio);
+        }
+        let sets = [(&buffers.emitted, seed ^ 1, true), (&buffers.bounced, seed ^ 3, false)];
+        for (lights, seed, is_direct) in sets {
+            let Some(lights) = lights else { continue };
+            rec.stage(if is_direct { "emitter vpls" } else { "vpls" });
+            lights.trace(&mut rec, normal_maps, seed);
+        }
+        layers.begin(
+            &mut rec,
+            receivers,
+            &buffers.irradiance,
+            job.sample,
+            buffers.bounced.is_some(),
+        );
+        if let Some(sky) = &buffers.sky {
+            let arriving = Arriving::Ratio(&sky.ratio);
+            let unshadowed = &sky.unshadowed;
+            layers.add(
+                &mut rec,
+                receivers,
+                &GatheredLight { unshadowed, arriving, is_direct: true },
+            );
+        }
+        let mut times = rec.submit().wait()?;
+        let start = std::time::Instant::now();
+        let brute = GpuBrute::new(&self.gpu, view_pixels(job.view))?;
+        for (lights, _, is_direct) in sets {
+            let Some(lights) = lights else { continue };
+            let count = lights.count(&self.gpu)?;
+            let set = (&lights.vpls.lights, count);
+            let tick = |share| progress("brute", share);
+            brute.gather(&self.gpu, self.scene.group(), receivers, set, d_min, &tick)?;
+            let mut rec = self.gpu.record(None);
+            rec.stage("composite");
+            let (unshadowed, arriving) = (&brute.unshadowed, Arriving::Exact(&brute.shadowed));
+            layers.add(&mut rec, receivers, &GatheredLight { unshadowed, arriving, is_direct });
+            layers.finish(&mut rec, receivers);
+            rec.submit().wait()?;
+        }
+        let time_ms = start.elapsed().as_secs_f64() * 1e3;
+        times.push(StageTime { name: "brute", time_ms });
+        Ok(times)
+    }
+
+    /// Brings the picture back.
+    fn finish(&self, settings: &Settings, times: Vec<StageTime>) -> Result<Frame, Error> {
+        let buffers = self.buffers.as_ref().expect("a sample was rendered");
+        let layers = buffers.layers.download(&self.gpu, &buffers.receivers)?;
+        let bounced = buffers.bounced.as_ref().filter(|_| settings.method == Method::Grid);
+        let alpha = bounced.map(|lights| lights.alpha(&self.gpu)).transpose()?.flatten();
+        let evals = layers.evals.iter().map(|&e| f64::from(e)).sum::<f64>() as u64;
+        let count = |name: &str| match name {
+            "receivers" => layers.depth.iter().filter(|d| d.is_finite()).count() as u64,
+            "direct" => self.renderer.emitters.lights.len() as u64,
+            "lighting" | "brute" => evals,
+            name => buffers.count_of(name),
+        };
+        let stages =
+            times.iter().map(|t| Stage { name: t.name, time_ms: t.time_ms, count: count(t.name) });
+        let stages = stages.collect();
+        Ok(Frame { layers, stages, d_min: self.renderer.d_min(settings), alpha })
+    }
+}
+
+/// Rays of a receiver to the sky.
+fn sky_rays(settings: &Settings) -> u32 {
+    settings.shadow.rays.div_ceil(2).max(1)
+}
+
+fn view_pixels(view: &ViewFrame) -> usize {
+    view.width * view.height
+}
+
+/// Adds the times of a sample to those of the samples before.
+fn add_times(sum: &mut Vec<StageTime>, times: Vec<StageTime>) {
+    for time in times {
+        match sum.iter_mut().find(|s| s.name == time.name) {
+            Some(stage) => stage.time_ms += time.time_ms,
+            None => sum.push(time),
+        }
+    }
+}
