@@ -316,7 +316,7 @@ impl Packed {
         self.triangles.extend(tree.order.iter().map(|&i| {
             let ([a, b, c], id) = triangles[i as usize];
             let (e1, e2) = (b - a, c - a);
-            let ids = [id[0], id[1], u32::from(is_opaque(id))].map(f32::from_bits);
+            let ids = [id[0], id[1], i << 1 | u32::from(is_opaque(id))].map(f32::from_bits);
             let [x, y, z] = [a.extend(ids[0]), e1.extend(ids[1]), e2.extend(ids[2])];
             let mut words = [0.0; 12];
             for (row, v) in words.chunks_exact_mut(4).zip([x, y, z]) {
