@@ -221,9 +221,10 @@ impl Gpu {
         let (keep_error, keep_loss) = (keep(), keep());
         self.device.on_uncaptured_error(Arc::new(move |e: wgpu::Error| keep_error(one_line(&e))));
         self.device.set_device_lost_callback(move |reason, text| {
-            if reason != wgpu::DeviceLostReason::Destroyed {
-                keep_loss(format!("the device was lost: {text}"));
-            }
+            keep_loss(format!(
+                "the device was lost: {}",
+                if text.is_empty() { format!("{reason:?}") } else { text }
+            ));
         });
     }
 
@@ -300,7 +301,11 @@ impl Gpu {
         let problems = scopes.into_iter().rev().map(|scope| pollster::block_on(scope.pop()));
         let problems: Vec<_> = problems.collect();
         match problems.into_iter().flatten().next() {
-            Some(e) => result.and(Err(self.problem(&one_line(&e)))),
+            Some(e) => {
+                // Whatever is done on a lost device goes wrong.
+                self.check()?;
+                result.and(Err(self.problem(&one_line(&e))))
+            }
             None => result,
         }
     }

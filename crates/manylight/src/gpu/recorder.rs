@@ -213,7 +213,7 @@ impl<'g> Recorder<'g> {
     }
 
     /// Hands the work to the device.
-    pub fn submit(mut self) -> Submitted<'g> {
+    pub fn submit(self) -> Submitted<'g> {
         self.write_uniforms();
         let Self { gpu, commands, pass, arena, .. } = self;
         drop(pass);
