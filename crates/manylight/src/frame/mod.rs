@@ -61,11 +61,7 @@ impl Renderer {
         let world = World::new(scene)?;
         let emitters = Emitters::new(&world);
         if emitters.is_dark() {
-            return Err(Error::Scene {
-                scene: world.scene.name,
-                problem: "nothing in it shines; add a light, a sky or an emissive material"
-                    .to_owned(),
-            });
+            return Err(nothing_shines(&world.scene.name));
         }
         Ok(Self { world, emitters })
     }
@@ -348,6 +344,11 @@ impl Renderer {
     fn sky(&self, direction: Vec3) -> Vec3 {
         self.emitters.sky.as_ref().map_or(Vec3::ZERO, |s| s.radiance(direction))
     }
+}
+
+fn nothing_shines(scene: &str) -> Error {
+    let problem = "nothing in it shines; add a light, a sky or an emissive material".to_owned();
+    Error::Scene { scene: scene.to_owned(), problem }
 }
 
 /// Errors: a size without pixels or above [`MAX_PIXELS`]

@@ -6,10 +6,13 @@
 //! again.
 
 mod buffers;
+mod engine;
 mod lights;
 mod paths;
 
-use super::{BRUTE_SKY_RAYS, Frame, Progress, Renderer, Stage, check_size};
+pub use engine::{EngineReceivers, EngineTargets};
+
+use super::{BRUTE_SKY_RAYS, Frame, Progress, Renderer, Stage, check_size, nothing_shines};
 use crate::composite::gpu::{Arriving, GatheredLight};
 use crate::direct::gpu::{SkyRays, record_lights, record_sky};
 use crate::emitter::gpu::{pack, record_background};
@@ -20,6 +23,7 @@ use crate::gpu::{Gpu, Recorder, StageTime};
 use crate::math::{Sequence, hash_u32};
 use crate::settings::{Method, Settings};
 use crate::surface::ViewFrame;
+use crate::surface::gpu::ReceiverTextures;
 use crate::world::gpu::GpuWorld;
 use buffers::Buffers;
 use glam::Vec2;
@@ -35,6 +39,8 @@ pub struct GpuRenderer {
     renderer: Box<Renderer>,
     scene: GpuWorld,
     buffers: Option<Buffers>,
+    /// Frames inside an engine's own.
+    in_flight: engine::InFlight,
 }
 
 /// One picture to be rendered.
@@ -46,6 +52,8 @@ struct Job<'a> {
     sample: u32,
     /// Whether virtual lights and grids of the frame before are kept.
     keeps_lights: bool,
+    /// Receivers that are not traced.
+    given: Option<ReceiverTextures<'a>>,
 }
 
 impl Job<'_> {
@@ -70,8 +78,11 @@ impl GpuRenderer {
     pub fn new(gpu: Gpu, renderer: Renderer) -> Result<Self, (Box<Renderer>, Error)> {
         let renderer = Box::new(renderer);
         let sources = pack(&renderer.world, &renderer.emitters);
-        match GpuWorld::new(&gpu, &renderer.world, &sources) {
-            Ok(scene) => Ok(Self { gpu, renderer, scene, buffers: None }),
+        match gpu.guard(|| GpuWorld::new(&gpu, &renderer.world, &sources)) {
+            Ok(scene) => {
+                let in_flight = engine::InFlight::default();
+                Ok(Self { gpu, renderer, scene, buffers: None, in_flight })
+            }
             Err(reason) => Err((renderer, reason)),
         }
     }
@@ -107,12 +118,12 @@ impl GpuRenderer {
         let view = ViewFrame::new(camera, size[0], size[1]);
         let mut times = Vec::new();
         if settings.method == Method::Path {
-            return self.render_paths(&view, settings, progress);
+            return self.gpu.guard(|| self.render_paths(&view, settings, progress));
         }
         let samples = settings.film.samples;
         for sample in 0..samples {
             progress("frame", f64::from(sample) / f64::from(samples));
-            let job = Job { view: &view, settings, sample, keeps_lights: false };
+            let job = Job { view: &view, settings, sample, keeps_lights: false, given: None };
             add_times(&mut times, self.render_sample(job, progress)?);
         }
         self.finish(settings, times)
@@ -133,9 +144,16 @@ impl GpuRenderer {
         settings.validate()?;
         check_size(size)?;
         let view = ViewFrame::new(camera, size[0], size[1]);
+<<<<<<< HEAD
         let fits = self.buffers.as_ref().is_some_and(|b| b.fits(size, settings));
         let keeps_lights = keeps_lights && fits;
         self.render_sample(Job { view: &view, settings, sample: 0, keeps_lights }, &|_, _| ())
+=======
+        let keeps_lights =
+            keeps_lights && self.buffers.as_ref().is_some_and(|b| b.fits(size, settings));
+        let job = Job { view: &view, settings, sample: 0, keeps_lights, given: None };
+        self.render_sample(job, &|_, _| ())
+>>>>>>> gpu-embed
     }
 
     /// One sample per pixel, again and again until every buffer was large enough.
@@ -145,14 +163,16 @@ impl GpuRenderer {
         progress: Progress<'_>,
     ) -> Result<Vec<StageTime>, Error> {
         let size = [job.view.width, job.view.height];
-        let mut buffers = Buffers::take(self.buffers.take(), self, size, job.settings)?;
+        let kept = self.buffers.take();
+        let mut buffers = self.gpu.guard(|| Buffers::take(kept, self, size, job.settings))?;
         for _ in 0..MOST_TRIES {
             // After a build that lacked room nothing is kept.
-            let times = match job.settings.method {
-                Method::Brute => self.run_brute(&buffers, job, progress)?,
-                _ => self.run_grid(&buffers, job)?,
-            };
-            if !buffers.grow(&self.gpu, job.settings)? {
+            let times = self.gpu.guard(|| match job.settings.method {
+                Method::Brute => self.run_brute(&buffers, job, progress),
+                _ => self.run_grid(&buffers, job),
+            })?;
+            let needs = buffers.read_needs(&self.gpu)?;
+            if !self.gpu.guard(|| buffers.grow(&self.gpu, job.settings, &needs))? {
                 self.buffers = Some(buffers);
                 return Ok(times);
             }
@@ -227,7 +247,10 @@ impl GpuRenderer {
         let (view, offset_px) = (job.view, job.offset_px());
         rec.stage("receivers");
         let normal_maps = job.settings.surface.normal_maps;
-        buffers.receivers.trace(rec, view, offset_px, normal_maps);
+        match &job.given {
+            None => buffers.receivers.trace(rec, view, offset_px, normal_maps),
+            Some(textures) => buffers.receivers.load(rec, textures),
+        }
         record_background(rec, &buffers.receivers, view, offset_px);
         rec.stage("direct");
         record_lights(rec, &buffers.receivers, job.seed(), &buffers.irradiance);
