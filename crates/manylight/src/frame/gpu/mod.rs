@@ -6,8 +6,11 @@
 //! again.
 
 mod buffers;
+mod diff;
 mod lights;
 mod paths;
+
+pub use diff::StageDifference;
 
 use super::{BRUTE_SKY_RAYS, Frame, Progress, Renderer, Stage, check_size};
 use crate::composite::gpu::{Arriving, GatheredLight};
@@ -79,6 +82,11 @@ impl GpuRenderer {
         &self.gpu
     }
 
+    /// The device, for another scene.
+    pub fn into_gpu(self) -> Gpu {
+        self.gpu
+    }
+
     /// World and emitters.
     pub fn renderer(&self) -> &Renderer {
         &self.renderer
@@ -144,8 +152,7 @@ impl GpuRenderer {
                 return Ok(times);
             }
         }
-        let problem = "its lists of lights grow without end; render with --backend cpu".to_owned();
-        Err(Error::Device { problem })
+        Err(endless())
     }
 
     /// Records and runs the frame of the grid method and of direct light alone.
@@ -294,6 +301,12 @@ impl GpuRenderer {
     }
 }
 
+/// The end of trying with ever larger buffers.
+fn endless() -> Error {
+    let problem = "its lists of lights grow without end; render with --backend cpu".to_owned();
+    Error::Device { problem }
+}
+
 /// Rays of a receiver to the sky.
 fn sky_rays(settings: &Settings) -> u32 {
     settings.shadow.rays.div_ceil(2).max(1)
@@ -312,3 +325,6 @@ fn add_times(sum: &mut Vec<StageTime>, times: Vec<StageTime>) {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;
