@@ -35,14 +35,15 @@ use lights::{diff_grid, diff_vpls};
 use manylight_scene::Camera;
 use tally::{Tally, apart, apart_by_axis, colors, numbers};
 
-/// Pixels whose camera ray, or ray to a sun or lamp, may pass an edge.
+/// Pixels whose ray to a sun or lamp may pass an edge.
 const EDGES_ALLOWED: f64 = 3e-3;
+/// Pixels whose camera ray may pass an edge, as a share of the picture's side: an edge may run along
+/// a line of pixel centers, as those of a room do that is seen along its axis.
+const EDGES_PER_SIDE: f64 = 0.25;
 /// Pixels of whose few rays to the sky one may pass an edge, or fall on a texel's border.
 const SKY_ALLOWED: f64 = 1e-2;
 /// Pixels where a light may give nothing within rounding, and counts on one side alone.
 const COUNTS_ALLOWED: f64 = 1e-2;
-/// Of alpha, which follows from some of these counts.
-const ALPHA_TOLERANCE: f64 = 1e-3;
 /// Pixels of whose drawn lights one may be the next, or its ray pass an edge.
 const DRAWS_ALLOWED: f64 = 1.5e-2;
 
@@ -91,7 +92,7 @@ impl GpuRenderer {
         let mut settings = settings.clone();
         settings.film.samples = 1;
         let view = ViewFrame::new(camera, size[0], size[1]);
-        let job = Job { view: &view, settings: &settings, sample: 0 };
+        let job = Job { view: &view, settings: &settings, sample: 0, keeps_lights: false };
         let mut diff = Diff::new(self, job)?;
         diff.run()?;
         Ok(diff.rows)
@@ -123,11 +124,11 @@ impl<'a> Diff<'a> {
         let found = traced.download(gpu, view, offset_px)?;
         let emissions = colors_of(&gpu.read(&traced.emissions, usize::MAX)?);
         let diagonal = renderer.world.diagonal();
-        let mut rows = diff_receivers(&expected, &found, diagonal);
+        let mut rows = diff_receivers(&expected, &found, diagonal, edges_allowed(view));
         let sky = |direction| renderer.sky(direction);
         let emission = |s: &PixelSample| s.surface.map_or_else(|| sky(s.direction), |s| s.emission);
         let pairs = expected.samples.iter().map(emission).zip(emissions);
-        rows.push(colors(["receivers", "emission"], pairs, 1e-4, EDGES_ALLOWED));
+        rows.push(colors(["receivers", "emission"], pairs, 1e-4, edges_allowed(view)));
 
         let planes = GpuReceivers::upload(gpu, &expected, sky)?;
         let receivers = planes.download(gpu, view, offset_px)?;
@@ -192,13 +193,17 @@ impl<'a> Diff<'a> {
             renderer.gather_sky(sky, &self.receivers, settings, seed, &mut clock);
         let count = self.receivers.samples.len();
         let (light, ratio) = (self.plane()?, self.engine.gpu().buffer("ratios", count)?);
-        let sky_rays = SkyRays { rays: sky_rays(settings), seed, exact: false };
+        let mut sky_rays = SkyRays { rays: sky_rays(settings), seed, exact: false };
         self.submit(|rec| record_sky(rec, &self.planes, sky_rays, &light, &ratio))?;
         let pairs = expected.unshadowed.iter().copied().zip(colors_of(&self.read(&light)?));
         self.rows.push(colors(["sky", "unshadowed"], pairs, 1e-4, SKY_ALLOWED));
         let found = self.read(&ratio)?;
         let pairs = expected.shadow_ratio.iter().zip(&found).map(|(a, b)| (*a, b[0]));
         self.rows.push(numbers(["sky", "shadow ratio"], pairs, (1e-4, ""), SKY_ALLOWED));
+        sky_rays.exact = true;
+        self.submit(|rec| record_sky(rec, &self.planes, sky_rays, &light, &ratio))?;
+        let pairs = expected.shadowed.iter().copied().zip(colors_of(&self.read(&light)?));
+        self.rows.push(colors(["sky", "arriving"], pairs, 1e-4, SKY_ALLOWED));
         Ok((expected, rays))
     }
 
@@ -270,12 +275,7 @@ impl<'a> Diff<'a> {
         if let Some(alpha) = expected.alpha {
             let found = gpu.read(&out.reach, 1)?[0].alpha;
             let pair = std::iter::once((1.0, found / alpha));
-            self.rows.push(numbers(
-                [names.alpha, "reach"],
-                pair,
-                (ALPHA_TOLERANCE, "of alpha"),
-                0.0,
-            ));
+            self.rows.push(numbers([names.alpha, "reach"], pair, (1e-4, "of alpha"), 0.0));
             if found != alpha {
                 let mut settings = settings.clone();
                 settings.grid.alpha = Some(alpha);
@@ -436,8 +436,18 @@ impl<'a> Diff<'a> {
     }
 }
 
+/// Share of all pixels whose camera ray may pass an edge.
+fn edges_allowed(view: &ViewFrame) -> f64 {
+    EDGES_PER_SIDE / ((view.width * view.height) as f64).sqrt()
+}
+
 /// Compares what the camera sees but for its emission.
-fn diff_receivers(expected: &Receivers, found: &Receivers, diagonal: f32) -> Vec<StageDifference> {
+fn diff_receivers(
+    expected: &Receivers,
+    found: &Receivers,
+    diagonal: f32,
+    allowed: f64,
+) -> Vec<StageDifference> {
     let name = |what| ["receivers", what];
     let mut surfaces = Tally::new(name("surface or none"), (0.0, ""));
     let mut positions = Tally::new(name("positions"), (1e-5, "of the diagonal"));
@@ -458,7 +468,7 @@ fn diff_receivers(expected: &Receivers, found: &Receivers, diagonal: f32) -> Vec
         albedos.add(apart_by_axis(a.albedo, b.albedo));
     }
     [surfaces, positions, depths, geometric, shading, albedos]
-        .map(|tally| tally.allow(EDGES_ALLOWED))
+        .map(|tally| tally.allow(allowed))
         .into()
 }
 
