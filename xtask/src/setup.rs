@@ -6,26 +6,55 @@ use std::process::{Command, ExitCode};
 /// Where Vulkan drivers tell of themselves.
 const DRIVERS: [&str; 2] = ["/usr/share/vulkan/icd.d", "/etc/vulkan/icd.d"];
 /// Debian's packages of a Vulkan driver that needs no graphics hardware, and of the loader.
-const PACKAGES: [&str; 2] = ["mesa-vulkan-drivers", "libvulkan1"];
+const DRIVER_PACKAGES: [&str; 2] = ["mesa-vulkan-drivers", "libvulkan1"];
+/// Where Vulkan layers tell of themselves.
+const LAYERS: [&str; 3] = [
+    "/usr/share/vulkan/explicit_layer.d",
+    "/usr/local/share/vulkan/explicit_layer.d",
+    "/etc/vulkan/explicit_layer.d",
+];
+/// File of the layer that checks calls.
+const VALIDATION: &str = "VkLayer_khronos_validation.json";
+/// Debian's package of it.
+const LAYER_PACKAGES: [&str; 1] = ["vulkan-validationlayers"];
 
-/// Installs a software Vulkan driver where there is no Vulkan driver at all.
+/// Installs a software Vulkan driver where there is no Vulkan driver at all, and the layer that
+/// checks what is asked of one.
 pub(crate) fn run() -> ExitCode {
     if has_driver() {
         println!("setup: a Vulkan driver is there");
-        return ExitCode::SUCCESS;
+    } else if !(install(&DRIVER_PACKAGES) && has_driver()) {
+        eprintln!(
+            "setup: no Vulkan driver, and {} could not be installed with apt-get; install a driver \
+             for this machine, or run the checks without the tests of the graphics device",
+            DRIVER_PACKAGES.join(" and ")
+        );
+        return ExitCode::FAILURE;
     }
-    let update = apt(&["update", "-qq"]);
-    let install = ["install", "-y", "-qq", "--no-install-recommends", PACKAGES[0], PACKAGES[1]];
-    if update.and_then(|()| apt(&install)).is_ok() && has_driver() {
-        println!("setup: {} installed", PACKAGES.join(" and "));
-        return ExitCode::SUCCESS;
+    if has_validation() {
+        println!("setup: the Vulkan validation layer is there");
+    } else if !(install(&LAYER_PACKAGES) && has_validation()) {
+        // One test needs it, and skips itself.
+        eprintln!(
+            "setup: {} could not be installed with apt-get; no test will check calls of Vulkan",
+            LAYER_PACKAGES[0]
+        );
     }
-    eprintln!(
-        "setup: no Vulkan driver, and {} could not be installed with apt-get; install a driver \
-         for this machine, or run the checks without the tests of the graphics device",
-        PACKAGES.join(" and ")
-    );
-    ExitCode::FAILURE
+    ExitCode::SUCCESS
+}
+
+/// Installs Debian packages; whether that went well.
+fn install(packages: &[&str]) -> bool {
+    let options = ["install", "-y", "-qq", "--no-install-recommends"];
+    let is_done = apt(&["update", "-qq"]).and_then(|()| apt(&[&options, packages].concat()));
+    if is_done.is_ok() {
+        println!("setup: {} installed", packages.join(" and "));
+    }
+    is_done.is_ok()
+}
+
+fn has_validation() -> bool {
+    LAYERS.iter().any(|folder| Path::new(folder).join(VALIDATION).exists())
 }
 
 fn has_driver() -> bool {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 /// Global illumination from very many lights.
 ///
-/// Exit codes: 0 done, 1 a limit of `compare` was passed, 2 an error.
+/// Exit codes: 0 done, 1 a limit of `compare` was passed or a stage differs, 2 an error.
 #[derive(Debug, Parser)]
 #[command(name = "manylight", version)]
 pub struct Args {
@@ -23,6 +23,10 @@ pub enum Command {
     Compare(CompareArgs),
     /// Time the stages of a frame, or measure quality against brute force
     Bench(BenchArgs),
+    /// Compare graphics device and processor, stage by stage from the same inputs
+    ///
+    /// Without --size the picture has 96x54 pixels. Any device will do, emulated ones too.
+    DiffStages(DiffStagesArgs),
     /// Print what is in a scene
     Info(InfoArgs),
     /// Print the devices that can render
@@ -164,6 +168,19 @@ impl BenchArgs {
     pub fn is_of_frames(&self) -> bool {
         self.quality.is_none() && !self.rays && self.dump_rays.is_none() && !self.build
     }
+}
+
+/// `manylight diff-stages`
+#[derive(Debug, ClapArgs)]
+pub struct DiffStagesArgs {
+    /// A shot, a scene or builtin:NAME
+    pub scene: String,
+    /// Settings
+    #[command(flatten)]
+    pub settings: SettingArgs,
+    /// Print results as JSON on standard output
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// `manylight info`

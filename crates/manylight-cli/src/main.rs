@@ -4,6 +4,7 @@ mod args;
 mod backend;
 mod bench;
 mod compare;
+mod diff_stages;
 mod info;
 mod memory;
 mod output;
@@ -52,6 +53,7 @@ fn main() -> ExitCode {
         args::Command::Render(a) => render::run(a),
         args::Command::Compare(a) => compare::run(a),
         args::Command::Bench(a) => bench::run(a),
+        args::Command::DiffStages(a) => diff_stages::run(a),
         args::Command::Info(a) => info::run_info(a),
         args::Command::Devices(a) => info::run_devices(a),
         args::Command::Methods(a) => info::run_methods(a),

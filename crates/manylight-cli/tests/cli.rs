@@ -163,7 +163,6 @@ fn bad_input_is_one_sentence_and_exit_code_2() {
         (vec!["render", cornell, "-o", &out, "--set", &huge_path], "setting a: unknown"),
         (vec!["render", cornell, "-o", &out, "--set", "grid.al\nfa\u{1b}[2J=1"], "unknown"),
         (vec!["render", cornell, "-o", &out, "--method", "a\nb"], "one of `grid`"),
-        (vec!["render", cornell, "-o", &out, "--backend", "gpu"], "--backend cpu"),
         (vec!["render", cornell, "--quiet"], "name a file"),
         (vec!["render", cornell, "--heatmap", &heat, "--method", "path"], "--heatmap"),
         (vec!["render", cornell, "-o", &out, "--set", "=5"], "PATH=VALUE"),

@@ -6,6 +6,7 @@
 //! again.
 
 mod buffers;
+<<<<<<< HEAD
 mod engine;
 mod lights;
 mod paths;
@@ -13,6 +14,15 @@ mod paths;
 pub use engine::{EngineReceivers, EngineTargets};
 
 use super::{BRUTE_SKY_RAYS, Frame, Progress, Renderer, Stage, check_size, nothing_shines};
+=======
+mod diff;
+mod lights;
+mod paths;
+
+pub use diff::StageDifference;
+
+use super::{BRUTE_SKY_RAYS, Frame, Progress, Renderer, Stage, check_size};
+>>>>>>> gpu-diff
 use crate::composite::gpu::{Arriving, GatheredLight};
 use crate::direct::gpu::{SkyRays, record_lights, record_sky};
 use crate::emitter::gpu::{pack, record_background};
@@ -90,6 +100,11 @@ impl GpuRenderer {
     /// The device.
     pub fn gpu(&self) -> &Gpu {
         &self.gpu
+    }
+
+    /// The device, for another scene.
+    pub fn into_gpu(self) -> Gpu {
+        self.gpu
     }
 
     /// The scene as kernels that trace rays see it.
@@ -178,8 +193,7 @@ impl GpuRenderer {
             }
             job.keeps_lights = false;
         }
-        let problem = "its lists of lights grow without end; render with --backend cpu".to_owned();
-        Err(Error::Device { problem })
+        Err(endless())
     }
 
     /// Records and runs the frame of the grid method and of direct light alone.
@@ -198,7 +212,9 @@ impl GpuRenderer {
         if let Some(sky) = &buffers.sky {
             rec.stage("sky");
             let rays = sky_rays(settings);
-            let sky_rays = SkyRays { rays, seed: seed ^ 5, exact: false };
+            // Unless its ratio is smoothed, what arrives is known in every channel.
+            let exact = !settings.filter.enabled;
+            let sky_rays = SkyRays { rays, seed: seed ^ 5, exact };
             record_sky(rec, receivers, sky_rays, &sky.unshadowed, &sky.ratio);
         }
         let normal_maps = settings.surface.normal_maps;
@@ -337,6 +353,12 @@ impl GpuRenderer {
     }
 }
 
+/// The end of trying with ever larger buffers.
+fn endless() -> Error {
+    let problem = "its lists of lights grow without end; render with --backend cpu".to_owned();
+    Error::Device { problem }
+}
+
 /// Rays of a receiver to the sky.
 fn sky_rays(settings: &Settings) -> u32 {
     settings.shadow.rays.div_ceil(2).max(1)
@@ -355,3 +377,6 @@ fn add_times(sum: &mut Vec<StageTime>, times: Vec<StageTime>) {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

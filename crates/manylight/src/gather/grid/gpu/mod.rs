@@ -13,6 +13,7 @@ pub use capacity::GatherCapacity;
 pub use gather::{Gather, GatherInput, GatherOut};
 pub use params::{GatherStats, Reach};
 pub use record::{GpuGrid, GridCapacity, GridInfo};
+pub use upload::PackedGrid;
 
 use crate::gpu::{Constant, Value};
 

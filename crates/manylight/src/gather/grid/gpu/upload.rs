@@ -10,15 +10,22 @@ use crate::gather::grid::record::{GridLight, Level, Octants};
 use crate::gpu::Gpu;
 use crate::vlight::vpl::gpu::VplRecord;
 
-/// All lists of a hierarchy.
+/// All lists of a hierarchy; see [`GpuGrid`].
 #[derive(Debug, Default)]
-pub(super) struct PackedGrid {
+pub struct PackedGrid {
+    /// Where the levels lie.
     pub info: GridInfo,
+    /// Cells.
     pub cells: Vec<CellRecord>,
+    /// Grid lights.
     pub lights: Vec<GridLightRecord>,
+    /// One for each of `lights`.
     pub octants: Vec<OctantsRecord>,
+    /// Virtual lights.
     pub vpls: Vec<VplRecord>,
+    /// One for each of `vpls`.
     pub points: Vec<[f32; 4]>,
+    /// Blocks of `points`, then blocks of blocks.
     pub blocks: Vec<[f32; 8]>,
     /// Where each of `lights` comes from: its position in its level.
     pub origins: Vec<u32>,
@@ -43,6 +50,7 @@ impl GpuGrid {
 }
 
 impl PackedGrid {
+    /// All levels in the order of the device.
     pub fn new(grid: &LightingGrid) -> Self {
         let mut packed = Self {
             vpls: grid.lights.iter().map(VplRecord::from).collect(),

@@ -1,0 +1,119 @@
+//! The graphics device as a user meets it.
+
+use serde_json::Value;
+use std::process::{Command, Output};
+
+fn manylight(args: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_manylight"));
+    // Software drivers complain on standard error where it is not set.
+    command.env("XDG_RUNTIME_DIR", std::env::temp_dir());
+    command.args(args).output().expect("the program runs")
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+fn json(output: &Output) -> Value {
+    serde_json::from_slice(&output.stdout).expect("JSON alone")
+}
+
+fn devices() -> Vec<Value> {
+    let listed = json(&manylight(&["devices", "--json"]));
+    listed["gpu"].as_array().expect("a list").clone()
+}
+
+/// Whether there is a device that can render; says so where not. With `MANYLIGHT_REQUIRE_GPU=1`
+/// that is a failure.
+fn has_device() -> bool {
+    let is_there = devices().iter().any(|device| device["lacks"].is_null());
+    let is_required = std::env::var_os("MANYLIGHT_REQUIRE_GPU").is_some_and(|v| v == "1");
+    assert!(is_there || !is_required, "a graphics device is required, and there is none");
+    if !is_there {
+        eprintln!("skipped: no graphics device");
+    }
+    is_there
+}
+
+/// One sentence on standard error, and exit code 2.
+fn assert_refused(args: &[&str], parts: &[&str]) {
+    let output = manylight(args);
+    let message = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{args:?}: {message}");
+    assert_eq!(message.trim_end().lines().count(), 1, "{args:?}: {message}");
+    parts.iter().for_each(|part| assert!(message.contains(part), "{args:?}: {message}"));
+    assert!(!message.contains("panicked") && output.stdout.is_empty(), "{args:?}: {message}");
+}
+
+const RENDER: [&str; 8] =
+    ["render", "builtin:cornell", "--size", "16x9", "--set", "vpls.count=200", "--backend", "gpu"];
+
+#[test]
+fn devices_say_what_they_are() {
+    let listed = json(&manylight(&["devices", "--json"]));
+    assert!(listed["cpu"].as_str().is_some_and(|cpu| cpu.contains("threads")));
+    for device in devices() {
+        for key in ["name", "kind", "backend", "driver"] {
+            assert!(device[key].is_string(), "{key}: {device}");
+        }
+        for key in ["max_binding", "max_buffer", "workgroup_memory"] {
+            assert!(device[key].as_u64().is_some_and(|n| n > 0), "{key}: {device}");
+        }
+        for key in ["timestamps", "subgroups", "ray_queries"] {
+            assert!(device[key].is_boolean(), "{key}: {device}");
+        }
+        assert!(device["lacks"].is_null() || device["lacks"].is_string(), "{device}");
+    }
+}
+
+#[test]
+fn an_emulated_device_renders_only_where_it_is_named() {
+    if devices().iter().any(|device| device["kind"] != "software") {
+        eprintln!("skipped: there is a graphics device that is not emulated");
+        return;
+    }
+    assert_refused(&RENDER, &["no graphics device", "--backend cpu"]);
+}
+
+#[test]
+fn a_device_that_is_not_there_is_named_with_those_that_are() {
+    let args = [&RENDER[..], &["--set", "gpu.device=nonexistent"]].concat();
+    let devices = devices();
+    if devices.is_empty() {
+        assert_refused(&args, &["no graphics device found"]);
+        return;
+    }
+    let names: Vec<_> = devices.iter().filter_map(|device| device["name"].as_str()).collect();
+    assert_refused(&args, &[&["\"nonexistent\"", "found:"][..], &names].concat());
+    let args = ["diff-stages", "builtin:cornell", "--set", "gpu.device=nonexistent"];
+    assert_refused(&args, &names);
+}
+
+#[test]
+fn stages_agree() {
+    if !has_device() {
+        return;
+    }
+    let quick = ["--size", "48x27", "--set", "vpls.count=1500", "--set", "vpls.emitter_count=300"];
+    let args = ["diff-stages", "builtin:cornell", "--json"];
+    let output = manylight(&[&args[..], &quick].concat());
+    let report = json(&output);
+    assert_eq!(output.status.code(), Some(0), "{report:#}");
+    assert!(report["first"].is_null() && report["device"].is_string());
+    let stages = report["stages"].as_array().expect("stages");
+    for stage in ["receivers", "direct", "emitter vpls", "grid", "shadow", "filter", "composite"] {
+        let rows: Vec<_> = stages.iter().filter(|row| row["stage"] == stage).collect();
+        assert!(!rows.is_empty(), "{stage} is missing");
+        assert!(rows.iter().any(|row| row["compared"].as_u64() > Some(0)), "{stage}");
+    }
+    let args = ["diff-stages", "builtin:cornell", "--set", "method=direct", "--size", "24x16"];
+    let output = manylight(&[&args[..], &quick[2..]].concat());
+    let table = text(&output.stdout);
+    assert_eq!(output.status.code(), Some(0), "{table}");
+    assert!(table.ends_with("all stages agree\n") && table.contains("receivers"), "{table}");
+    assert!(!table.contains("\nvpls"), "{table}");
+    assert_refused(
+        &["diff-stages", "builtin:cornell", "--set", "method=path"],
+        &["grid or direct"],
+    );
+}

@@ -1,0 +1,263 @@
+use super::*;
+use crate::composite::Layers;
+use crate::emitter::gpu::testing::sky_map;
+use crate::gpu::GpuOptions;
+use crate::gpu::testing::device;
+use manylight_image::Raster;
+use manylight_scene::Shot;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+/// Largest mean FLIP between the pictures of device and processor.
+const MOST_FLIP: f64 = 0.01;
+
+/// Odd times even, so that no pixel's center lies on a diagonal: there run the edges of a room that
+/// is seen along its axis, and rounding decides between two walls.
+const SIZE: [usize; 2] = [63, 48];
+
+/// A scene on both sides, with its camera.
+struct Both {
+    engine: GpuRenderer,
+    camera: Camera,
+}
+
+/// Runs a test on the device of all these tests, which builds its kernels once; says why where
+/// there is none.
+fn with_gpu(test: impl FnOnce(Gpu) -> Gpu) {
+    static GPU: Mutex<Option<Gpu>> = Mutex::new(None);
+    if device().is_none() {
+        return;
+    }
+    let mut kept = GPU.lock().unwrap_or_else(PoisonError::into_inner);
+    let options = GpuOptions { base: true, software: true, ..GpuOptions::default() };
+    let gpu = kept.take().map_or_else(|| Gpu::open(&options).expect("a device"), |gpu| gpu);
+    *kept = Some(test(gpu));
+}
+
+/// Runs a part of a test with a scene on the device.
+fn with_scene(gpu: Gpu, shot: Shot, test: impl FnOnce(&mut Both)) -> Gpu {
+    let camera = shot.camera.clone();
+    let renderer = Renderer::new(shot.scene).expect("scene");
+    let engine = GpuRenderer::new(gpu, renderer).map_err(|(_, e)| e).expect("scene on the device");
+    let mut both = Both { engine, camera };
+    test(&mut both);
+    both.engine.into_gpu()
+}
+
+fn builtin(name: &str) -> Shot {
+    manylight_scene::builtin(name).expect(name)
+}
+
+/// A preset with few lights.
+fn few(preset: &str) -> Settings {
+    let mut s = Settings::preset(preset).expect(preset);
+    (s.vpls.count, s.vpls.emitter_count, s.grid.evals) = (2000, 400, 150);
+    s
+}
+
+impl Both {
+    /// Every stage agrees.
+    fn check_stages(&self, name: &str, size: [usize; 2], settings: &Settings) {
+        let rows = self.engine.diff_stages(&self.camera, size, settings).expect("stages");
+        let bad: Vec<_> = rows.iter().filter(|row| !row.agrees()).collect();
+        assert!(bad.is_empty(), "{name}: {bad:#?}");
+        assert!(rows.iter().all(|row| row.stage != "receivers" || row.compared > 0), "{name}");
+    }
+
+    fn on_device(&mut self, size: [usize; 2], settings: &Settings) -> Layers {
+        let frame = self.engine.render(&self.camera, size, settings, &|_, _| ());
+        frame.expect("a frame on the device").layers
+    }
+
+    fn on_processor(&self, size: [usize; 2], settings: &Settings) -> Layers {
+        let frame = self.engine.renderer().render(&self.camera, size, settings, &|_, _| ());
+        frame.expect("a frame on the processor").layers
+    }
+
+    /// The pictures of device and processor look the same.
+    fn check_picture(&mut self, name: &str, size: [usize; 2], settings: &Settings) -> f64 {
+        let expected = raster(&self.on_processor(size, settings));
+        let found = raster(&self.on_device(size, settings));
+        let errors = manylight_image::compare(&found, &expected).expect("pictures of one size");
+        assert_eq!(errors.nonfinite_count, 0, "{name}");
+        assert!(expected.data.iter().any(|v| *v > 0.0), "{name} is black");
+        assert!(errors.flip_mean <= MOST_FLIP, "{name}: {errors:?}");
+        assert!(errors.energy_bias.abs() <= 0.01, "{name}: {errors:?}");
+        errors.flip_mean
+    }
+}
+
+fn raster(layers: &Layers) -> Raster {
+    let data = layers.beauty().iter().flat_map(|c| c.to_array()).collect();
+    Raster { width: layers.width, height: layers.height, channels: 3, data }
+}
+
+/// Every number of a frame.
+fn bits(layers: &Layers) -> Vec<u32> {
+    let colors = [
+        &layers.direct,
+        &layers.indirect,
+        &layers.indirect_unshadowed,
+        &layers.emission,
+        &layers.albedo,
+        &layers.normal,
+        &layers.position,
+    ];
+    let colors = colors.into_iter().flatten().flat_map(|c| c.to_array());
+    let numbers = [&layers.shadow_ratio, &layers.depth, &layers.evals];
+    colors.chain(numbers.into_iter().flatten().copied()).map(f32::to_bits).collect()
+}
+
+#[test]
+fn every_stage_is_that_of_the_processor() {
+    with_gpu(|mut gpu| {
+        for name in manylight_scene::BUILTINS {
+            gpu = with_scene(gpu, builtin(name), |both| {
+                for preset in ["balanced", "paper"] {
+                    both.check_stages(&format!("{name}, {preset}"), [48, 32], &few(preset));
+                }
+            });
+        }
+        gpu
+    });
+}
+
+#[test]
+fn every_stage_is_that_of_the_processor_with_other_settings() {
+    with_gpu(|gpu| {
+        with_scene(gpu, builtin("atrium"), |both| {
+            let each = [
+                &[("method", "direct"), ("film.samples", "3")][..],
+                &[("filter.enabled", "false"), ("shadow.rays", "9")],
+                &[("shadow.rays", "0"), ("grid.levels", "5")],
+                &[("vpls.bounces", "12"), ("grid.lobes", "1"), ("filter.passes", "2")],
+                &[("shadow.estimate", "mean"), ("shadow.stratified", "false")],
+                &[("shadow.start_level", "3"), ("grid.spread", "false"), ("grid.alpha", "0.7")],
+            ];
+            for sets in each {
+                let mut settings = few("balanced");
+                for (path, value) in sets {
+                    settings.set(path, value).expect("a setting");
+                }
+                both.check_stages(&format!("{sets:?}"), [35, 21], &settings);
+            }
+        })
+    });
+}
+
+#[test]
+fn methods_without_stages_are_refused() {
+    with_gpu(|gpu| {
+        with_scene(gpu, builtin("cornell"), |both| {
+            for method in [Method::Path, Method::Brute] {
+                let settings = Settings { method, ..few("balanced") };
+                let refused = both.engine.diff_stages(&both.camera, [8, 8], &settings);
+                assert!(refused.expect_err("no stages").to_string().contains("use grid or direct"));
+            }
+        })
+    });
+}
+
+#[test]
+fn pictures_are_those_of_the_processor() {
+    with_gpu(|mut gpu| {
+        for name in manylight_scene::BUILTINS {
+            gpu = with_scene(gpu, builtin(name), |both| {
+                both.check_picture(name, SIZE, &few("balanced"));
+            });
+        }
+        gpu
+    });
+}
+
+#[test]
+fn every_method_and_more_samples_give_the_picture_of_the_processor() {
+    with_gpu(|gpu| {
+        with_scene(gpu, builtin("cornell"), |both| {
+            let each = [
+                ("brute", &[("vpls.count", "300"), ("vpls.emitter_count", "100")][..]),
+                ("path", &[("path.spp", "4")]),
+                ("direct", &[]),
+                ("grid", &[("film.samples", "3")]),
+                ("grid", &[("filter.enabled", "false"), ("shadow.rays", "16")]),
+            ];
+            for (method, sets) in each {
+                let mut settings = few("balanced");
+                settings.set("method", method).expect("a method");
+                for (path, value) in sets {
+                    settings.set(path, value).expect("a setting");
+                }
+                both.check_picture(&format!("{method} {sets:?}"), [41, 30], &settings);
+            }
+        })
+    });
+}
+
+#[test]
+fn a_sky_of_many_colors_keeps_them_without_the_filter() {
+    with_gpu(|gpu| {
+        let mut shot = builtin("atrium");
+        shot.scene.lights.clear();
+        shot.scene.sky = Some(sky_map());
+        with_scene(gpu, shot, |both| {
+            let mut settings = Settings { method: Method::Direct, ..few("balanced") };
+            for enabled in [false, true] {
+                settings.filter.enabled = enabled;
+                both.check_stages(&format!("filter {enabled}"), [33, 20], &settings);
+                both.check_picture(&format!("filter {enabled}"), [47, 32], &settings);
+            }
+        })
+    });
+}
+
+#[test]
+fn two_frames_have_the_same_bits() {
+    with_gpu(|gpu| {
+        with_scene(gpu, builtin("cornell"), |both| {
+            for method in [Method::Grid, Method::Brute, Method::Path, Method::Direct] {
+                let mut settings = Settings { method, ..few("balanced") };
+                (settings.path.spp, settings.film.samples) = (2, 2);
+                let first = bits(&both.on_device([33, 21], &settings));
+                // Other pixels and settings in between leave no trace.
+                both.on_device([20, 11], &Settings { seed: 9, ..settings.clone() });
+                assert!(first == bits(&both.on_device([33, 21], &settings)), "{method:?}");
+                settings.seed = 1;
+                assert!(first != bits(&both.on_device([33, 21], &settings)), "{method:?}: seed");
+            }
+        })
+    });
+}
+
+/// The shots in a folder, those of one scene after another.
+fn shots(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder.join("shots")).expect("a folder of shots");
+    let paths = entries.flatten().map(|entry| entry.path());
+    let mut paths: Vec<_> =
+        paths.filter(|path| path.extension().is_some_and(|end| end == "json")).collect();
+    paths.sort();
+    paths
+}
+
+#[test]
+fn real_scenes_look_as_on_the_processor() {
+    let Some(folder) = std::env::var_os("MANYLIGHT_SCENES") else {
+        eprintln!("skipped: real scenes on a graphics device; MANYLIGHT_SCENES is not set");
+        return;
+    };
+    let shots = shots(Path::new(&folder));
+    assert!(!shots.is_empty(), "no shots in MANYLIGHT_SCENES");
+    with_gpu(|mut gpu| {
+        for path in &shots {
+            let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+            let start = std::time::Instant::now();
+            let shot = manylight_scene::load(path.to_str().expect("a name")).expect("a shot");
+            gpu = with_scene(gpu, shot, |both| {
+                let mut settings = Settings::default();
+                (settings.vpls.count, settings.vpls.emitter_count) = (4000, 2000);
+                let flip = both.check_picture(&name, [64, 36], &settings);
+                println!("{name}: FLIP {flip:.4}, {:.1} s", start.elapsed().as_secs_f64());
+            });
+        }
+        gpu
+    });
+}
