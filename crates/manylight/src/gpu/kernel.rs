@@ -79,14 +79,9 @@ pub trait Kernel {
 ///
 /// `kernel! { struct Name = "room/file", [64, 1, 1], scene, [CONSTANTS]; uniform params:
 /// Params, shared info: Info, read items: Item, write sums: f32 }`; `scene` and the constants may
-<<<<<<< HEAD
 /// be left out. A `uniform` is a value of the submission, `shared` the one record of a buffer,
-/// bound as a uniform too.
-=======
-/// be left out. A `uniform` is a value of the submission, `shared` the one record of a buffer, bound
-/// as a uniform too. `texture normals: [f32; 4]` and `store target: [f32; 4]` are textures that are
-/// read and written.
->>>>>>> gpu-embed
+/// bound as a uniform too. `texture normals: [f32; 4]` and `store target: [f32; 4]` are textures
+/// that are read and written.
 macro_rules! kernel {
     (@access uniform) => { $crate::gpu::Access::Uniform };
     (@access shared) => { $crate::gpu::Access::Uniform };

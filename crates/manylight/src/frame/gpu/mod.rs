@@ -6,23 +6,15 @@
 //! again.
 
 mod buffers;
-<<<<<<< HEAD
+mod diff;
 mod engine;
 mod lights;
 mod paths;
 
+pub use diff::StageDifference;
 pub use engine::{EngineReceivers, EngineTargets};
 
 use super::{BRUTE_SKY_RAYS, Frame, Progress, Renderer, Stage, check_size, nothing_shines};
-=======
-mod diff;
-mod lights;
-mod paths;
-
-pub use diff::StageDifference;
-
-use super::{BRUTE_SKY_RAYS, Frame, Progress, Renderer, Stage, check_size};
->>>>>>> gpu-diff
 use crate::composite::gpu::{Arriving, GatheredLight};
 use crate::direct::gpu::{SkyRays, record_lights, record_sky};
 use crate::emitter::gpu::{pack, record_background};
@@ -159,16 +151,10 @@ impl GpuRenderer {
         settings.validate()?;
         check_size(size)?;
         let view = ViewFrame::new(camera, size[0], size[1]);
-<<<<<<< HEAD
         let fits = self.buffers.as_ref().is_some_and(|b| b.fits(size, settings));
         let keeps_lights = keeps_lights && fits;
-        self.render_sample(Job { view: &view, settings, sample: 0, keeps_lights }, &|_, _| ())
-=======
-        let keeps_lights =
-            keeps_lights && self.buffers.as_ref().is_some_and(|b| b.fits(size, settings));
         let job = Job { view: &view, settings, sample: 0, keeps_lights, given: None };
         self.render_sample(job, &|_, _| ())
->>>>>>> gpu-embed
     }
 
     /// One sample per pixel, again and again until every buffer was large enough.
