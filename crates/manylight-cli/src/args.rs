@@ -141,9 +141,12 @@ pub struct BenchArgs {
     /// Measure building the grid alone
     #[arg(long)]
     pub build: bool,
-    /// Where frames are computed
+    /// Where frames are computed and rays are traced
     #[arg(long, value_enum, default_value = "cpu")]
     pub backend: Backend,
+    /// Keep virtual lights and grids from frame to frame, on a graphics device
+    #[arg(long = "static", conflicts_with_all = ["quality", "rays", "build"])]
+    pub is_static: bool,
     /// Frames to time, after one that is not counted
     #[arg(long, default_value_t = 5, value_name = "N")]
     #[arg(value_parser = clap::value_parser!(u32).range(1..=10_000))]

@@ -77,12 +77,13 @@ impl Engine {
         Ok(frame)
     }
 
-    /// Renders one picture for its time: of each stage, ms.
+    /// Renders one picture for its time: of each stage, ms; `is_static` keeps its lights.
     pub fn time_frame(
         &mut self,
         camera: &Camera,
         size: [usize; 2],
         settings: &Settings,
+        is_static: bool,
     ) -> Result<Vec<(&'static str, f64)>, Failure> {
         Ok(match self {
             Self::Cpu(renderer) => {
@@ -90,7 +91,7 @@ impl Engine {
                 frame.stages.iter().map(|s| (s.name, s.time_ms)).collect()
             }
             Self::Gpu(engine, _) => {
-                let times = engine.time_frame(camera, size, settings)?;
+                let times = engine.time_frame(camera, size, settings, is_static)?;
                 times.iter().map(|t| (t.name, t.time_ms)).collect()
             }
         })

@@ -4,7 +4,7 @@ use crate::args::BenchArgs;
 use crate::backend::Engine;
 use crate::render;
 use crate::{Failure, Outcome, memory, output};
-use manylight::bench::{self, Quality, RayBatch};
+use manylight::bench::{self, GpuRayBatch, Quality, RayBatch};
 use manylight::gather::grid::{DETAIL, LightingGrid};
 use manylight::{Renderer, Settings};
 use serde_json::{Value, json};
@@ -38,30 +38,36 @@ pub fn run(args: &BenchArgs) -> Result<Outcome, Failure> {
         let camera = shot.camera.clone();
         if args.is_of_frames() {
             let mut engine = Engine::new(shot.scene, args.backend, &settings, args.json)?;
-            let report = frames(&mut engine, &camera, size, &settings, args.frames)?;
-            if !args.json {
-                print(scene, &report)?;
-            }
-            reports.push(json!({ "scene": scene, "report": report }));
+            let report = frames(&mut engine, &camera, size, &settings, args)?;
+            reports.push(finish(scene, report, args)?);
+            continue;
+        }
+        if args.rays || args.dump_rays.is_some() {
+            let engine = Engine::new(shot.scene, args.backend, &settings, args.json)?;
+            let report = rays(&engine, &camera, size, &settings, args)?;
+            reports.push(finish(scene, report, args)?);
             continue;
         }
         let renderer = Renderer::new(shot.scene)?;
         let report = if let Some(receivers) = args.quality {
             quality(&renderer, &camera, size, &settings, receivers)
-        } else if args.build {
-            build(&renderer, &settings)
         } else {
-            rays(&renderer, &camera, size, &settings, args)?
+            build(&renderer, &settings)
         };
-        if !args.json {
-            print(scene, &report)?;
-        }
-        reports.push(json!({ "scene": scene, "report": report }));
+        reports.push(finish(scene, report, args)?);
     }
     if args.json {
         writeln!(std::io::stdout(), "{}", Value::Array(reports))?;
     }
     Ok(Outcome::Done)
+}
+
+/// Prints a report unless all are wanted as JSON.
+fn finish(scene: &str, report: Value, args: &BenchArgs) -> Result<Value, Failure> {
+    if !args.json {
+        print(scene, &report)?;
+    }
+    Ok(json!({ "scene": scene, "report": report }))
 }
 
 fn print(scene: &str, report: &Value) -> Result<(), Failure> {
@@ -93,12 +99,13 @@ fn quality(
 }
 
 fn rays(
-    renderer: &Renderer,
+    engine: &Engine,
     camera: &manylight_scene::Camera,
     size: [usize; 2],
     settings: &Settings,
     args: &BenchArgs,
 ) -> Result<Value, Failure> {
+    let renderer = engine.renderer();
     let batch = RayBatch::new(renderer, camera, size, settings);
     if let Some(path) = &args.dump_rays {
         for (end, values) in DUMPS.iter().zip([batch.triangles(renderer), batch.to_floats()]) {
@@ -106,16 +113,30 @@ fn rays(
             output::write_bytes(&bytes, &path.with_extension(end))?;
         }
     }
+    let on_device = match engine {
+        Engine::Gpu(engine, _) => Some((engine, GpuRayBatch::new(engine, &batch)?)),
+        Engine::Cpu(_) => None,
+    };
     let mut times = Vec::new();
     let mut occluded = 0;
     for _ in 0..RUNS {
         let start = Instant::now();
-        occluded = batch.trace(renderer);
-        times.push(start.elapsed().as_secs_f64());
+        let device_ms = match &on_device {
+            Some((engine, rays)) => {
+                let (stopped, time_ms) = rays.trace(engine)?;
+                occluded = stopped;
+                time_ms
+            }
+            None => {
+                occluded = batch.trace(renderer);
+                None
+            }
+        };
+        times.push(device_ms.map_or(start.elapsed().as_secs_f64(), |ms| ms * 1e-3));
     }
     let rate = batch.len() as f64 / median(&mut times) * 1e-6;
-    Ok(json!({ "rays": batch.len(), "occluded": occluded, "mrays_per_s": rate,
-               "threads": rayon::current_num_threads() }))
+    Ok(json!({ "device": engine.names()[1], "rays": batch.len(), "occluded": occluded,
+               "mrays_per_s": rate }))
 }
 
 fn build(renderer: &Renderer, settings: &Settings) -> Value {
@@ -138,13 +159,13 @@ fn frames(
     camera: &manylight_scene::Camera,
     size: [usize; 2],
     settings: &Settings,
-    count: u32,
+    args: &BenchArgs,
 ) -> Result<Value, Failure> {
     let mut stages: Vec<(&'static str, Vec<f64>)> = Vec::new();
     let mut totals = Vec::new();
-    for run in 0..=count.max(1) {
+    for run in 0..=args.frames {
         let start = Instant::now();
-        let times = engine.time_frame(camera, size, settings)?;
+        let times = engine.time_frame(camera, size, settings, args.is_static)?;
         if run == 0 {
             continue;
         }

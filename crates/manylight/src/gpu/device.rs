@@ -100,7 +100,7 @@ fn describe(adapter: &wgpu::Adapter) -> AdapterDescription {
         kind,
         backend: info.backend.to_string(),
         driver: format!("{} {}", info.driver, info.driver_info).trim().to_owned(),
-        max_binding: limits.max_storage_buffer_binding_size.into(),
+        max_binding: limits.max_storage_buffer_binding_size,
         max_buffer: limits.max_buffer_size,
         workgroup_memory: limits.max_compute_workgroup_storage_size,
         timestamps: features.contains(wgpu::Features::TIMESTAMP_QUERY),
@@ -241,7 +241,7 @@ impl Gpu {
     /// Errors: more bytes than one binding of this device may have
     pub fn buffer<T: Record>(&self, name: &'static str, len: usize) -> Result<Buf<T>, Error> {
         let limits = self.device.limits();
-        let most = u64::from(limits.max_storage_buffer_binding_size).min(limits.max_buffer_size);
+        let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
         let needed = (len as u64).saturating_mul(size_of::<T>() as u64);
         if needed > most {
             return Err(device(format!(

@@ -72,8 +72,8 @@ pub trait Kernel {
 ///
 /// `kernel! { struct Name = "room/file", [64, 1, 1], scene, [CONSTANTS]; uniform params:
 /// Params, shared info: Info, read items: Item, write sums: f32 }`; `scene` and the constants may
-/// be left out. A `uniform` is a value of the submission, `shared` the one record of a buffer, bound
-/// as a uniform too.
+/// be left out. A `uniform` is a value of the submission, `shared` the one record of a buffer,
+/// bound as a uniform too.
 macro_rules! kernel {
     (@access uniform) => { $crate::gpu::Access::Uniform };
     (@access shared) => { $crate::gpu::Access::Uniform };

@@ -21,6 +21,18 @@ struct Shape {
     shadow: ShadowSettings,
 }
 
+impl Shape {
+    fn new(size: [usize; 2], settings: &Settings) -> Self {
+        Self {
+            size,
+            method: settings.method,
+            samples: settings.film.samples,
+            vpls: [settings.vpls.count, settings.vpls.bounces, settings.vpls.emitter_count],
+            shadow: settings.shadow.clone(),
+        }
+    }
+}
+
 /// Light that few rays shadow.
 #[derive(Debug)]
 pub(super) struct Part {
@@ -68,13 +80,7 @@ impl Buffers {
         size: [usize; 2],
         settings: &Settings,
     ) -> Result<Self, Error> {
-        let shape = Shape {
-            size,
-            method: settings.method,
-            samples: settings.film.samples,
-            vpls: [settings.vpls.count, settings.vpls.bounces, settings.vpls.emitter_count],
-            shadow: settings.shadow.clone(),
-        };
+        let shape = Shape::new(size, settings);
         if let Some(kept) = kept.filter(|kept| kept.shape == shape) {
             return Ok(kept);
         }
@@ -102,6 +108,11 @@ impl Buffers {
             layers: GpuLayers::new(gpu, width, height, settings.film.samples)?,
             shape,
         })
+    }
+
+    /// Whether they are those of frames of a size with some settings.
+    pub fn fits(&self, size: [usize; 2], settings: &Settings) -> bool {
+        self.shape == Shape::new(size, settings)
     }
 
     /// The gathers of a frame of the grid method, in the order of their light's way.

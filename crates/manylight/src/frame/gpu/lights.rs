@@ -75,7 +75,16 @@ impl Lights {
         }
     }
 
-    /// Builds the grid and gathers from it.
+    /// Builds the grid.
+    pub fn build(&self, rec: &mut Recorder<'_>, settings: &Settings, d_min: f32) {
+        let Some(Gathered { grid, build, level_cap, .. }) = &self.gathered else { return };
+        rec.stage("grid");
+        let mut rules = GridRules::new(&settings.grid, DETAIL * d_min);
+        rules.level_cap = *level_cap;
+        build.record(rec, &self.vpls, &rules, grid);
+    }
+
+    /// Gathers from the grid.
     pub fn gather(
         &self,
         rec: &mut Recorder<'_>,
@@ -84,11 +93,7 @@ impl Lights {
         d_min: f32,
         seed: u32,
     ) {
-        let Some(Gathered { grid, build, out, level_cap }) = &self.gathered else { return };
-        rec.stage("grid");
-        let mut rules = GridRules::new(&settings.grid, DETAIL * d_min);
-        rules.level_cap = *level_cap;
-        build.record(rec, &self.vpls, &rules, grid);
+        let Some(Gathered { grid, out, .. }) = &self.gathered else { return };
         let receivers = &buffers.receivers;
         let input = GatherInput { receivers, grid, settings, d_min, seed };
         buffers.gather.record(rec, &input, out);

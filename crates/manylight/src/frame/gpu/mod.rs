@@ -44,6 +44,8 @@ struct Job<'a> {
     settings: &'a Settings,
     /// Position among the samples of a pixel.
     sample: u32,
+    /// Whether virtual lights and grids of the frame before are kept.
+    keeps_lights: bool,
 }
 
 impl Job<'_> {
@@ -79,6 +81,11 @@ impl GpuRenderer {
         &self.gpu
     }
 
+    /// The scene as kernels that trace rays see it.
+    pub fn scene(&self) -> &wgpu::BindGroup {
+        self.scene.group()
+    }
+
     /// World and emitters.
     pub fn renderer(&self) -> &Renderer {
         &self.renderer
@@ -105,7 +112,7 @@ impl GpuRenderer {
         let samples = settings.film.samples;
         for sample in 0..samples {
             progress("frame", f64::from(sample) / f64::from(samples));
-            let job = Job { view: &view, settings, sample };
+            let job = Job { view: &view, settings, sample, keeps_lights: false };
             add_times(&mut times, self.render_sample(job, progress)?);
         }
         self.finish(settings, times)
@@ -113,28 +120,34 @@ impl GpuRenderer {
 
     /// Renders one picture without bringing it back, and tells what its stages took.
     ///
+    /// `keeps_lights`: takes virtual lights and grids as the frame before left them, if that had
+    /// the same size and settings.
     /// Errors: as [`GpuRenderer::render`]
     pub fn time_frame(
         &mut self,
         camera: &Camera,
         size: [usize; 2],
         settings: &Settings,
+        keeps_lights: bool,
     ) -> Result<Vec<StageTime>, Error> {
         settings.validate()?;
         check_size(size)?;
         let view = ViewFrame::new(camera, size[0], size[1]);
-        self.render_sample(Job { view: &view, settings, sample: 0 }, &|_, _| ())
+        let fits = self.buffers.as_ref().is_some_and(|b| b.fits(size, settings));
+        let keeps_lights = keeps_lights && fits;
+        self.render_sample(Job { view: &view, settings, sample: 0, keeps_lights }, &|_, _| ())
     }
 
     /// One sample per pixel, again and again until every buffer was large enough.
     fn render_sample(
         &mut self,
-        job: Job<'_>,
+        mut job: Job<'_>,
         progress: Progress<'_>,
     ) -> Result<Vec<StageTime>, Error> {
         let size = [job.view.width, job.view.height];
         let mut buffers = Buffers::take(self.buffers.take(), self, size, job.settings)?;
         for _ in 0..MOST_TRIES {
+            // After a build that lacked room nothing is kept.
             let times = match job.settings.method {
                 Method::Brute => self.run_brute(&buffers, job, progress)?,
                 _ => self.run_grid(&buffers, job)?,
@@ -143,6 +156,7 @@ impl GpuRenderer {
                 self.buffers = Some(buffers);
                 return Ok(times);
             }
+            job.keeps_lights = false;
         }
         let problem = "its lists of lights grow without end; render with --backend cpu".to_owned();
         Err(Error::Device { problem })
@@ -169,13 +183,19 @@ impl GpuRenderer {
         }
         let normal_maps = settings.surface.normal_maps;
         if let Some(lights) = &buffers.emitted {
-            rec.stage("emitter vpls");
-            lights.trace(rec, normal_maps, seed ^ 1);
+            if !job.keeps_lights {
+                rec.stage("emitter vpls");
+                lights.trace(rec, normal_maps, seed ^ 1);
+                lights.build(rec, settings, d_min);
+            }
             lights.gather(rec, buffers, settings, d_min, seed ^ 2);
         }
         if let Some(lights) = &buffers.bounced {
-            rec.stage("vpls");
-            lights.trace(rec, normal_maps, seed ^ 3);
+            if !job.keeps_lights {
+                rec.stage("vpls");
+                lights.trace(rec, normal_maps, seed ^ 3);
+                lights.build(rec, settings, d_min);
+            }
             lights.gather(rec, buffers, settings, d_min, seed ^ 4);
         }
         let gathers = buffers.gathers(settings);

@@ -46,9 +46,9 @@ pub(super) fn normal_spread(mean: Vec3) -> f32 {
 /// depth² = a + b·d². In units of the distance, the soft clamp ends √(3 (s + t)) behind the plane,
 /// for s = Σ mᵢ² vᵢ and the spread t of the normals, and the pull towards the receiver moves the
 /// plane by Σ |mᵢ wᵢ| · 4vᵢ/(1 + 4vᵢ) ≤ √s; (p + q)² ≤ 2.74 p² + 1.58 q².
-pub(super) fn reach_behind(normal: Vec3, variance: Vec3) -> [f32; 2] {
+pub(super) fn reach_behind(normal: Vec3, normal_spread: f32, variance: Vec3) -> [f32; 2] {
     let s = (normal * normal * variance).element_sum();
-    [(REACH_PULL + REACH_SPREAD) * s, REACH_SPREAD * normal_spread(normal)]
+    [(REACH_PULL + REACH_SPREAD) * s, REACH_SPREAD * normal_spread]
 }
 
 /// Bounds how far below a receiver's horizon the mean of a light that it sees lies, squared: as
@@ -172,7 +172,7 @@ mod tests {
             let light = spread_light(normal, variance);
             let offset = uniform_sphere(s.next_2d()) * (0.01 + s.next_1d());
             let n = uniform_sphere(s.next_2d());
-            let [constant, slope] = reach_behind(normal, variance);
+            let [constant, slope] = reach_behind(normal, normal_spread(normal), variance);
             let (behind, below) = (normal.dot(offset), -n.dot(offset));
             let is_behind = behind * behind >= constant + slope * offset.length_squared();
             let is_below = below * below >= reach_below(variance);

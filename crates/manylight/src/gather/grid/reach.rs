@@ -14,7 +14,9 @@ use rayon::prelude::*;
 pub(super) const ASKED: usize = 128;
 /// Most corrections of alpha, and how near the number must be to end them.
 pub(super) const STEPS: u32 = 6;
-pub(super) const NEAR_ENOUGH: f32 = 0.01;
+/// Values of alpha between one and its double: finer ones would follow roundings of the number of
+/// lights, which differ from one processor or graphics device to the next.
+pub(super) const PER_DOUBLING: f32 = 32.0;
 /// Least and most alpha that is chosen.
 pub(super) const ALPHAS: [f32; 2] = [0.5, 4.0];
 /// Number of lights ∝ alpha to this power, about: between surfaces (2) and the levels' sum (1).
@@ -46,10 +48,12 @@ pub(super) fn choose_alpha(grid: &LightingGrid, receivers: &Receivers, settings:
         let evals: usize =
             asked.par_iter().map(|surface| count(grid, surface, alpha, settings)).sum();
         let wanted = settings.grid.evals as f32 * asked.len() as f32 / evals.max(1) as f32;
-        if (wanted - 1.0).abs() < NEAR_ENOUGH {
+        let corrected = (alpha * wanted.powf(1.0 / GROWTH)).clamp(ALPHAS[0], ALPHAS[1]);
+        let step = (corrected.log2() * PER_DOUBLING).round();
+        if step == (alpha.log2() * PER_DOUBLING).round() {
             break;
         }
-        alpha = (alpha * wanted.powf(1.0 / GROWTH)).clamp(ALPHAS[0], ALPHAS[1]);
+        alpha = (step / PER_DOUBLING).exp2();
     }
     alpha
 }

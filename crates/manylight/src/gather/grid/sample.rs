@@ -8,7 +8,7 @@
 
 use super::interleave::Tile;
 use super::reach::choose_alpha;
-use super::record::LightingGrid;
+use super::record::{GridLight, LightingGrid};
 use super::tiles::{Bounds, Shell, TileLight, collect, level_of, narrow, shells};
 use super::walk::{Draw, Row, TileList};
 use crate::gather::Gathered;
@@ -184,11 +184,7 @@ impl Job<'_> {
         let morton = morton_2d(pixel[0] as u32, pixel[1] as u32);
         for ray in 0..shadow.rays {
             let index = morton.wrapping_mul(shadow.rays).wrapping_add(ray);
-            let [u, v] = match shadow.stratified {
-                true => Sequence::new(self.seed, index).next_2d(),
-                false => [0, 1]
-                    .map(|i| unit_f32(hash_u32(self.seed ^ hash_u32(index.wrapping_mul(2) | i)))),
-            };
+            let [u, v] = draw_numbers(shadow.stratified, self.seed, index);
             let Some(draw) = list.draw(u * total, receiver, lane, d_min_sq) else {
                 continue;
             };
@@ -228,15 +224,28 @@ impl Job<'_> {
     /// Draws a point from the variance of a grid light (the paper's form).
     fn ray_to_cloud(&self, surface: &SurfacePoint, draw: &Draw, key: u32) -> bool {
         let record = &level_of(self.grid, draw.level).lights[draw.index as usize];
-        // Sum of three uniforms: close to normal, bounded at three standard deviations.
-        let mut state = key;
-        let mut uniform = || {
-            state = hash_u32(state.wrapping_add(0x9e37_79b9));
-            unit_f32(state) * 2.0 - 1.0
-        };
-        let mut normal = || uniform() + uniform() + uniform();
-        let cloud = Vec3::new(normal(), normal(), normal());
-        let target = record.position + cloud * record.variance.powf(0.5);
-        shadow::is_point_seen(self.world, surface, target)
+        shadow::is_point_seen(self.world, surface, cloud_point(record, key))
+    }
+}
+
+/// A point in the spread of a grid light.
+pub(super) fn cloud_point(light: &GridLight, key: u32) -> Vec3 {
+    // Sum of three uniforms: close to normal, bounded at three standard deviations.
+    let mut state = key;
+    let mut uniform = || {
+        state = hash_u32(state.wrapping_add(0x9e37_79b9));
+        unit_f32(state) * 2.0 - 1.0
+    };
+    let mut normal = || uniform() + uniform() + uniform();
+    let cloud = Vec3::new(normal(), normal(), normal());
+    light.position + cloud * light.variance.powf(0.5)
+}
+
+/// The random numbers of a ray by its index among all: for the grid light, and for the virtual
+/// light in it.
+pub(super) fn draw_numbers(stratified: bool, seed: u32, index: u32) -> [f32; 2] {
+    match stratified {
+        true => Sequence::new(seed, index).next_2d(),
+        false => [0, 1].map(|i| unit_f32(hash_u32(seed ^ hash_u32(index.wrapping_mul(2) | i)))),
     }
 }

@@ -121,6 +121,9 @@ impl TileLight {
             false => (light.normal.normalize_or_zero(), Vec3::ZERO),
         };
         let total_variance = variance.element_sum();
+        // A unit normal's length is one within rounding, and must not pass for a spread.
+        let is_point = shell.level == 0 || !settings.grid.spread;
+        let normal_spread = if is_point { 0.0 } else { contribution::normal_spread(normal) };
         let is_drawn = shell.level >= settings.shadow.start_level || shell.outer.is_infinite();
         let scale = (settings.interleave * settings.interleave) as f32;
         Self {
@@ -130,8 +133,8 @@ impl TileLight {
             nearest_sq: contribution::nearest_sq(total_variance),
             far: contribution::far(total_variance),
             nearer: NEARER * total_variance,
-            normal_spread_3: 3.0 * contribution::normal_spread(normal),
-            reach_behind: contribution::reach_behind(normal, variance),
+            normal_spread_3: 3.0 * normal_spread,
+            reach_behind: contribution::reach_behind(normal, normal_spread, variance),
             reach_below: contribution::reach_below(variance),
             intensity: (scale * light.intensity).to_array(),
             shadow_weight: if is_drawn { scale * light.luminance } else { 0.0 },

@@ -111,8 +111,17 @@ pub(crate) const KERNELS: &[&crate::gpu::KernelInfo] = &[&Cast::INFO];
 #[derive(Debug)]
 pub struct GpuWorld {
     group: wgpu::BindGroup,
-    // Held for their account of memory.
-    _lists: (Buf<SceneInfo>, Buf<[u32; NODE_WORDS]>, Buf<[f32; 12]>, [Buf<u32>; 2]),
+    _lists: Lists,
+}
+
+/// What the group binds, held for the account of memory.
+#[derive(Debug)]
+struct Lists {
+    info: Buf<SceneInfo>,
+    nodes: Buf<[u32; NODE_WORDS]>,
+    triangles: Buf<[f32; 12]>,
+    geometry: Buf<u32>,
+    sources: Buf<u32>,
 }
 
 /// Everything that is copied to the device.
@@ -134,19 +143,20 @@ impl GpuWorld {
         let mut packed = Packed::default();
         packed.add_tables(world, &atlas.places);
         packed.add_hierarchies(world);
-        let lists = (
-            gpu.upload("scene", &[packed.info])?,
-            gpu.upload("nodes of the hierarchy", &packed.nodes)?,
-            gpu.upload("triangles", &packed.triangles)?,
-            [gpu.upload("geometry", &packed.geometry)?, gpu.upload("light sources", sources)?],
-        );
+        let lists = Lists {
+            info: gpu.upload("scene", &[packed.info])?,
+            nodes: gpu.upload("nodes of the hierarchy", &packed.nodes)?,
+            triangles: gpu.upload("triangles", &packed.triangles)?,
+            geometry: gpu.upload("geometry", &packed.geometry)?,
+            sources: gpu.upload("light sources", sources)?,
+        };
         let textures = atlas.upload(gpu, &world.scene.images);
         let bindings = [
-            lists.0.raw().as_entire_binding(),
-            lists.1.raw().as_entire_binding(),
-            lists.2.raw().as_entire_binding(),
-            lists.3[0].raw().as_entire_binding(),
-            lists.3[1].raw().as_entire_binding(),
+            lists.info.raw().as_entire_binding(),
+            lists.nodes.raw().as_entire_binding(),
+            lists.triangles.raw().as_entire_binding(),
+            lists.geometry.raw().as_entire_binding(),
+            lists.sources.raw().as_entire_binding(),
             wgpu::BindingResource::TextureView(&textures),
         ];
         let entries = bindings.into_iter().enumerate();

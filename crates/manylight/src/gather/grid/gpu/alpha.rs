@@ -7,7 +7,7 @@ use super::record::{CellRecord, GpuGrid, GridInfo, GridLightRecord};
 use crate::error::Error;
 use crate::gather::grid::reach::{ASKED, STEPS, asked_share};
 use crate::gpu::scan::Scan;
-use crate::gpu::{Buf, Gpu, KernelInfo, Recorder, kernel, record};
+use crate::gpu::{Buf, Gpu, Recorder, kernel, record};
 use crate::settings::Settings;
 use crate::surface::gpu::{CONSTANTS as SURFACE_CONSTANTS, GpuReceivers};
 use crate::vlight::vpl::gpu::VplRecord;
@@ -66,7 +66,8 @@ kernel! {
 }
 
 /// Every kernel of this file.
-pub(super) const KERNELS: &[&KernelInfo] =
+#[cfg(test)]
+pub(super) const KERNELS: &[&crate::gpu::KernelInfo] =
     &[&AlphaStart::INFO, &AlphaRuns::INFO, &AlphaAsk::INFO, &AlphaCount::INFO, &AlphaAdjust::INFO];
 
 /// Memory for choosing alpha.

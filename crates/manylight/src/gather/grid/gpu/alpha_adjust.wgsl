@@ -25,10 +25,12 @@ fn main(@builtin(local_invocation_index) local: u32) {
         evals += counts[i];
     }
     let factor = f32(wanted.evals) * f32(reach[0].asked) / f32(max(evals, 1u));
-    if abs(factor - 1.0) < NEAR_ENOUGH {
+    let alpha = reach[0].alpha;
+    let corrected = clamp(alpha * pow(factor, 1.0 / GROWTH), LEAST_ALPHA, MOST_ALPHA);
+    let step = round(log2(corrected) * PER_DOUBLING);
+    if step == round(log2(alpha) * PER_DOUBLING) {
         reach[0].is_done = 1u;
         return;
     }
-    let alpha = reach[0].alpha * pow(factor, 1.0 / GROWTH);
-    reach[0].alpha = clamp(alpha, LEAST_ALPHA, MOST_ALPHA);
+    reach[0].alpha = exp2(step / PER_DOUBLING);
 }

@@ -23,7 +23,8 @@ fn is_wanted(level: u32, index: u32, bounds: Bounds) -> bool {
     }
     let near = tile_light(light, level);
     let offset = near.position - bounds.low;
-    return blend(near, offset) * geometry(near, offset, bounds.normal_low, 0.0) > 0.0;
+    let blended = blend(near.nearer, near.rise, near.fall, offset);
+    return blended > 0.0 && blended * geometry(near, offset, bounds.normal_low, 0.0) > 0.0;
 }
 
 fn keep(place: u32, level: u32, index: u32) {}

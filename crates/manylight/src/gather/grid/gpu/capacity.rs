@@ -13,6 +13,8 @@ pub struct GatherCapacity {
     pub band_blocks: u32,
     /// Chunks of 64 lights per block, on the average of a band.
     pub block_chunks: u32,
+    /// Fewest chunks of a band: small pictures have large blocks.
+    pub least_chunks: u32,
     /// Cells of one level that the search of one block has room for.
     pub frontier: u32,
     /// Most shadow rays of a receiver in a slice.
@@ -21,7 +23,13 @@ pub struct GatherCapacity {
 
 impl Default for GatherCapacity {
     fn default() -> Self {
-        Self { band_blocks: 2048, block_chunks: 40, frontier: 4096, slice_rays: 4 }
+        Self {
+            band_blocks: 2048,
+            block_chunks: 40,
+            least_chunks: 16_384,
+            frontier: 4096,
+            slice_rays: 4,
+        }
     }
 }
 
@@ -34,9 +42,11 @@ impl GatherCapacity {
     /// Bands as large as the picture and the device allow, and no larger than asked for.
     pub(super) fn fit(mut self, gpu: &Gpu, width: usize, height: usize, rays: u32) -> Self {
         let limits = gpu.device().limits();
-        let most = u64::from(limits.max_storage_buffer_binding_size).min(limits.max_buffer_size);
+        let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
         self.slice_rays = self.slice_rays.min(rays).max(1);
-        self.block_chunks = self.block_chunks.max(1);
+        let [x, y] = blocks_of(width, height);
+        let blocks = self.band_blocks.min((x * y) as u32).max(1);
+        self.block_chunks = self.block_chunks.max(self.least_chunks.div_ceil(blocks)).max(1);
         // The search for alpha takes a frontier for each receiver that it asks.
         let side_bytes = 2 * ASKED as u64 * 4;
         self.frontier = u64::from(self.frontier).clamp(8, most / side_bytes) as u32;
@@ -47,10 +57,8 @@ impl GatherCapacity {
             BLOCK_PIXELS * self.slice_rays as usize * size_of::<[f32; 4]>(),
         ];
         let block_bytes = most_bytes.into_iter().max().unwrap_or(1) as u64;
-        let [x, y] = blocks_of(width, height);
         let most_blocks = (most / block_bytes).min(u64::from(MAX_GROUPS) / TILES as u64);
-        self.band_blocks = u64::from(self.band_blocks).min((x * y) as u64).min(most_blocks) as u32;
-        self.band_blocks = self.band_blocks.max(1);
+        self.band_blocks = u64::from(blocks).min(most_blocks).max(1) as u32;
         self
     }
 

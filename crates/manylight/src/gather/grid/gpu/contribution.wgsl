@@ -19,9 +19,9 @@ fn normal_spread(mean: vec3f) -> f32 {
     return max(1.0 - dot(mean, mean), 0.0) * 0.5;
 }
 
-fn reach_behind(normal: vec3f, variance: vec3f) -> vec2f {
+fn reach_behind(normal: vec3f, spread: f32, variance: vec3f) -> vec2f {
     let s = dot(normal * normal, variance);
-    return vec2f((REACH_PULL + REACH_SPREAD) * s, REACH_SPREAD * normal_spread(normal));
+    return vec2f((REACH_PULL + REACH_SPREAD) * s, REACH_SPREAD * spread);
 }
 
 fn reach_below(variance: vec3f) -> f32 {
@@ -75,10 +75,8 @@ fn geometry(light: TileLight, offset: vec3f, n: vec3f, d_min_sq: f32) -> f32 {
     return (cosines * inverse_sq) * (mean * inverse_sq) / below;
 }
 
-// Share of the light that its level gives at an offset from the receiver.
-fn blend(light: TileLight, offset: vec3f) -> f32 {
-    let dist = sqrt(max(dot(offset, offset) - light.nearer, 0.0));
-    let rise = dist * light.rise.x + light.rise.y;
-    let fall = dist * light.fall.x + light.fall.y;
-    return max(min(min(rise, fall), 1.0), 0.0);
+// Share of a light that its level gives at an offset from the receiver.
+fn blend(nearer: f32, rise: vec2f, fall: vec2f, offset: vec3f) -> f32 {
+    let dist = sqrt(max(dot(offset, offset) - nearer, 0.0));
+    return max(min(min(dist * rise.x + rise.y, dist * fall.x + fall.y), 1.0), 0.0);
 }

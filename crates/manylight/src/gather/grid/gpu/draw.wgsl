@@ -1,8 +1,8 @@
 // Drawing one virtual light out of a grid light; twin of draw.rs.
 //
-// Reads `cells`, `octants`, `points`, `blocks`, `vpls`, `info`. Where the twin takes differences of running
-// sums, inside a crowded cell, this walks over blocks of blocks and blocks: single precision has no
-// digits for such differences.
+// Reads `cells`, `octants`, `points`, `blocks`, `vpls`, `info`. Where the twin takes differences of
+// running sums, inside a crowded cell, this walks over blocks of blocks and blocks: single
+// precision has no digits for such differences.
 
 // The hat function of one vertex.
 struct Hat {

@@ -15,7 +15,7 @@ use crate::error::Error;
 use crate::gather::grid::TILE;
 use crate::gather::grid::reach::ASKED;
 use crate::gpu::scan::Scan;
-use crate::gpu::{Buf, Gpu, KernelInfo, Recorder, kernel};
+use crate::gpu::{Buf, Gpu, Recorder, kernel};
 use crate::settings::{Settings, ShadowTarget};
 use crate::surface::gpu::{CONSTANTS as SURFACE_CONSTANTS, GpuReceivers};
 use crate::vlight::vpl::gpu::VplRecord;
@@ -95,7 +95,8 @@ kernel! {
 }
 
 /// Every kernel of this file.
-pub(super) const KERNELS: &[&KernelInfo] = &[
+#[cfg(test)]
+pub(super) const KERNELS: &[&crate::gpu::KernelInfo] = &[
     &Search::INFO,
     &Light::INFO,
     &PickLights::INFO,
@@ -162,15 +163,15 @@ pub struct Gather {
     /// Cells to look into, two sides per block.
     frontier: Buf<u32>,
     /// First chunk of each block and of none, then the lights of all chunks.
-    candidates: Buf<u32>,
+    pub(super) candidates: Buf<u32>,
     /// Which lights of a chunk reach each tile of its block.
-    masks: Buf<[u32; 2]>,
+    pub(super) masks: Buf<[u32; 2]>,
     /// Running shadow weight of each receiver of its block after a chunk.
-    weights: Buf<f32>,
+    pub(super) weights: Buf<f32>,
     /// Draws of a slice of rays.
-    picks: Buf<Pick>,
+    pub(super) picks: Buf<Pick>,
     /// Points that they aim at, where those are no virtual lights.
-    targets: Buf<[f32; 4]>,
+    pub(super) targets: Buf<[f32; 4]>,
 }
 
 impl Gather {

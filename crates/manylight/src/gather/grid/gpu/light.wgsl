@@ -84,11 +84,12 @@ fn main(
             let mask = narrow(chunk, bounds, local);
             let count = countOneBits(mask.x) + countOneBits(mask.y);
             for (var i = 0u; i < count; i++) {
-                let light = tile_lights[i];
-                let offset = light.position - p;
-                let blended = blend(light, offset);
+                let offset = tile_lights[i].position - p;
+                let blended = blend(
+                    tile_lights[i].nearer, tile_lights[i].rise, tile_lights[i].fall, offset);
                 // Most of a tile lies on one side of a shell: the rest costs nothing there.
                 if blended > 0.0 {
+                    let light = tile_lights[i];
                     let share = blended * geometry(light, offset, n, params.d_min_sq);
                     sum += light.intensity * share;
                     evals += select(0.0, 1.0, share > 0.0);

@@ -49,7 +49,7 @@ fn pick_in_chunk(chunk: u32, tile: u32, p: vec3f, n: vec3f, rest: f32) -> Pick {
         let level = candidate >> LEVEL_SHIFT;
         let light = tile_light(load_light(level, candidate & INDEX_MASK), level);
         let offset = light.position - p;
-        let blended = blend(light, offset);
+        let blended = blend(light.nearer, light.rise, light.fall, offset);
         if !(light.shadow_weight > 0.0 && blended > 0.0) {
             continue;
         }

@@ -66,6 +66,12 @@ fn load_light(level: u32, index: u32) -> GridLight {
     return light;
 }
 
+// A unit normal's length is one within rounding, and must not pass for a spread.
+fn spread_of_normals(light: GridLight, level: u32) -> f32 {
+    let is_point = level == 0u || !has_flag(SPREAD);
+    return select(normal_spread(light.normal), 0.0, is_point);
+}
+
 fn tile_light(light: GridLight, level: u32) -> TileLight {
     let shell = shells[level];
     let total_variance = light.variance.x + light.variance.y + light.variance.z;
@@ -78,7 +84,7 @@ fn tile_light(light: GridLight, level: u32) -> TileLight {
         4.0 * light.variance,
         NEARER * total_variance,
         light.intensity,
-        3.0 * normal_spread(light.normal),
+        3.0 * spread_of_normals(light, level),
         shell.rise,
         shell.fall,
         select(0.0, light.luminance, is_drawn),
@@ -104,7 +110,8 @@ fn is_in_reach(light: GridLight, level: u32, bounds: Bounds) -> bool {
     // Largest m·(x − p) over the box, against how far the spread reaches behind.
     let in_front = max(light.normal * low, light.normal * high);
     let front = in_front.x + in_front.y + in_front.z;
-    let behind = reach_behind(light.normal, light.variance);
+    let behind = reach_behind(
+        light.normal, spread_of_normals(light, level), light.variance);
     if front <= 0.0 && front * front >= behind.x + behind.y * farthest_sq {
         return false;
     }

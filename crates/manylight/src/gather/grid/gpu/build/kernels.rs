@@ -1,13 +1,12 @@
 //! The kernels of a build and what they are bound to, in the order in which they run.
 
 use super::CELL_BLOCK;
-use super::sort;
 use crate::gather::grid::build::LEFT_OUT;
 use crate::gather::grid::gpu::RECORD_CONSTANTS;
 use crate::gather::grid::gpu::record::{
     BLOCK, CellRecord, GridInfo, GridLightRecord, OctantsRecord, SUPERBLOCK,
 };
-use crate::gpu::{Constant, GROUP, KernelInfo, MAX_GROUPS, Value, kernel, record};
+use crate::gpu::{Constant, GROUP, MAX_GROUPS, Value, kernel, record};
 use crate::settings::{MAX_LEVELS, MIN_LEVELS};
 use crate::vlight::vpl::gpu::{VplInfo, VplRecord};
 
@@ -245,8 +244,9 @@ kernel! {
 }
 
 /// Every kernel of a build.
-pub(super) const KERNELS: &[&[&KernelInfo]] = &[
-    sort::KERNELS,
+#[cfg(test)]
+pub(super) const KERNELS: &[&[&crate::gpu::KernelInfo]] = &[
+    super::sort::KERNELS,
     &[
         &Begin::INFO,
         &Bounds::INFO,

@@ -37,7 +37,7 @@ pub struct GridRules {
 }
 
 impl GridRules {
-    /// The rules of some settings; `detail` is the size in metres below which a cell brings nothing.
+    /// The rules of some settings; `detail` is the size below which a cell brings nothing, m.
     pub fn new(settings: &GridSettings, detail: f32) -> Self {
         let lobes = if settings.lobes == 1 { 1 } else { 6 };
         let GridSettings { levels, start_level, .. } = *settings;

@@ -1,5 +1,5 @@
-// What the cells of one level share to their corners, and to those of the coarser cells around them;
-// twin of share_of_cells and widen.
+// What the cells of one level share to their corners, and to those of the coarser cells around
+// them; twin of share_of_cells and widen.
 import package::gpu::index;
 import package::gather::grid::gpu::record;
 import package::gather::grid::gpu::build::share_points;

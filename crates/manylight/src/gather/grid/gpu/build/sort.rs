@@ -4,7 +4,7 @@
 
 use crate::error::Error;
 use crate::gpu::scan::Scan;
-use crate::gpu::{Buf, Constant, GROUP, Gpu, KernelInfo, MAX_GROUPS, Recorder, Value};
+use crate::gpu::{Buf, Constant, GROUP, Gpu, MAX_GROUPS, Recorder, Value};
 use crate::gpu::{kernel, record};
 
 /// Bits of a digit.
@@ -44,7 +44,8 @@ kernel! {
 }
 
 /// Every kernel of this file.
-pub(super) const KERNELS: &[&KernelInfo] = &[&SortCount::INFO, &SortScatter::INFO];
+#[cfg(test)]
+pub(super) const KERNELS: &[&crate::gpu::KernelInfo] = &[&SortCount::INFO, &SortScatter::INFO];
 
 /// Memory for sorting up to some number of items.
 #[derive(Debug)]

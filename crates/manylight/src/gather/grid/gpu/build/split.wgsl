@@ -1,7 +1,7 @@
 // Where sorted keys part.
 
-// The number of levels at which two neighbors in the order lie in different cells of level 1 for the
-// first time.
+// The number of levels at which two neighbors in the order lie in different cells of level 1 for
+// the first time.
 fn split_level(a: vec2u, b: vec2u) -> u32 {
     let different = a ^ b;
     if all(different == vec2u(0u)) {

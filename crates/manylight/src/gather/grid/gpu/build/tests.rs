@@ -34,9 +34,9 @@ fn on_walls(count: u32) -> Vec<Vpl> {
         let mut p = Vec3::new(s.next_1d(), s.next_1d(), s.next_1d()) * 4.0;
         let mut n = Vec3::ZERO;
         let axis = i as usize % 3;
-        p[axis] = if i % 2 == 0 { 0.0 } else { 4.0 };
-        n[axis] = if i % 2 == 0 { 1.0 } else { -1.0 };
-        if i % 5 == 0 {
+        p[axis] = if i.is_multiple_of(2) { 0.0 } else { 4.0 };
+        n[axis] = if i.is_multiple_of(2) { 1.0 } else { -1.0 };
+        if i.is_multiple_of(5) {
             p *= 0.01;
         }
         light(i, p, n)

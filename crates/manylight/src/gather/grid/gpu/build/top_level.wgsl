@@ -1,8 +1,8 @@
 // Where cells begin among sorted lights.
 import package::gather::grid::gpu::build::split;
 
-// The highest level at which a light is the first of its cell; 0 where it never is. For kernels that
-// bind `info` and `items`.
+// The highest level at which a light is the first of its cell; 0 where it never is. For kernels
+// that bind `info` and `items`.
 fn top_level(index: u32) -> u32 {
     if index >= min(info.vpl_count, arrayLength(&items)) {
         return 0u;

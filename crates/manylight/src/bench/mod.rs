@@ -2,6 +2,12 @@
 //!
 //! In: [`Renderer`], camera, [`Settings`] · Out: figures for `manylight bench`
 
+#[cfg(feature = "gpu")]
+mod gpu;
+
+#[cfg(feature = "gpu")]
+pub use gpu::GpuRayBatch;
+
 use crate::bvh::Ray;
 use crate::frame::Renderer;
 use crate::gather::{brute, grid};
