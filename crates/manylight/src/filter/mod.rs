@@ -28,8 +28,6 @@ const PLANE_SLACK: f32 = 0.25;
 const ROUNDING: f32 = 4.0 * f32::EPSILON;
 /// Least trust: what failed to draw anything is likely in the dark itself.
 const LEAST_TRUST: f32 = 0.05;
-/// Most trust, from interleaved sampling.
-const MOST_TRUST: f32 = 8.0;
 /// Variance of a ratio of one ray that is all seen or all hidden in its surroundings: what it may
 /// be although none of them says so.
 const LEAST_VARIANCE: f32 = 0.005;

@@ -5,6 +5,7 @@ use super::lights::Lights;
 use crate::composite::gpu::GpuLayers;
 use crate::error::Error;
 use crate::filter::gpu::{Filter, Guides};
+use crate::filter::interleave::gpu::Join;
 use crate::gather::grid::gpu::{Gather, GatherCapacity};
 use crate::gpu::{Buf, Gpu};
 use crate::settings::{Method, Settings, ShadowSettings};
@@ -19,6 +20,7 @@ struct Shape {
     /// Virtual lights, bounces, virtual lights on emitters.
     vpls: [u32; 3],
     shadow: ShadowSettings,
+    interleave: u32,
 }
 
 impl Shape {
@@ -29,6 +31,7 @@ impl Shape {
             samples: settings.film.samples,
             vpls: [settings.vpls.count, settings.vpls.bounces, settings.vpls.emitter_count],
             shadow: settings.shadow.clone(),
+            interleave: settings.interleave,
         }
     }
 }
@@ -66,6 +69,8 @@ pub(super) struct Buffers {
     /// Shared by the gathers, one after another.
     pub gather: Gather,
     pub guides: Guides,
+    /// Where pixels see parts of the lights.
+    pub join: Option<Join>,
     pub filter: Filter,
     pub layers: GpuLayers,
 }
@@ -96,6 +101,7 @@ impl Buffers {
         };
         let lights = |on_emitters| Lights::new(gpu, on_emitters, size, settings);
         let has_bounced = settings.method != Method::Direct;
+        let is_interleaved = settings.interleave > 1 && settings.method != Method::Brute;
         Ok(Self {
             receivers: GpuReceivers::new(gpu, width, height)?,
             irradiance: gpu.buffer("direct irradiance", width * height)?,
@@ -104,6 +110,7 @@ impl Buffers {
             bounced: has_bounced.then(|| lights(false)).transpose()?,
             gather: Gather::new(gpu, width, height, settings, GatherCapacity::default())?,
             guides: Guides::new(gpu, width, height)?,
+            join: is_interleaved.then(|| Join::new(gpu, width, height)).transpose()?,
             filter: Filter::new(gpu, width, height, 3)?,
             layers: GpuLayers::new(gpu, width, height, settings.film.samples)?,
             shape,

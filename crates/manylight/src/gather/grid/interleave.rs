@@ -2,20 +2,28 @@
 //! scaled by n².
 //!
 //! Paper: `[KellerHeidrich01]`, as in `[LinYuksel19]`; differs: gathered by tiles of receivers that
-//! see the same lights, and lights are dealt out by where they are, so that those next to each
-//! other belong to different pixels.
+//! see the same lights; lights are dealt out by where they are, so that those next to each other
+//! belong to different pixels; and virtual lights themselves are seen by every pixel.
 
 use super::record::GridLight;
 use super::sample::TILE;
 
-/// Class of a virtual light by its place among the sorted ones, out of `side`².
-pub(super) fn class_of_vpl(place: u32, side: u32) -> u32 {
-    place % (side * side)
+/// Class of a light that every receiver sees.
+pub(super) const EVERY: u32 = u32::MAX;
+/// First level whose lights are dealt out: virtual lights themselves are few and near.
+pub(super) const FIRST_LEVEL: u32 = 1;
+
+/// What lights of a level shine for those that other receivers see.
+pub(super) fn scale(level: u32, side: u32) -> f32 {
+    if level >= FIRST_LEVEL { (side * side) as f32 } else { 1.0 }
 }
 
-/// Class of a grid light out of `side`²: along each axis and in each plane of its lattice all
+/// Class of a light of a level out of `side`²: along each axis and in each plane of its lattice all
 /// classes take turns.
-pub(super) fn class_of_light(light: &GridLight, side: u32) -> u32 {
+pub(super) fn class_of(light: &GridLight, level: u32, side: u32) -> u32 {
+    if level < FIRST_LEVEL {
+        return EVERY;
+    }
     let [x, y, z] = light.vertex.map(u32::from);
     (x + side * y + (2 * side - 1) * z + (2 * side + 1) * u32::from(light.lobe)) % (side * side)
 }

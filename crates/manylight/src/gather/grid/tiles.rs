@@ -125,7 +125,7 @@ impl TileLight {
         let is_point = shell.level == 0 || !settings.grid.spread;
         let normal_spread = if is_point { 0.0 } else { contribution::normal_spread(normal) };
         let is_drawn = shell.level >= settings.shadow.start_level || shell.outer.is_infinite();
-        let scale = (settings.interleave * settings.interleave) as f32;
+        let scale = interleave::scale(shell.level, settings.interleave);
         Self {
             position: light.position.to_array(),
             normal: normal.to_array(),
@@ -142,7 +142,7 @@ impl TileLight {
             fall: shell.fall,
             level: shell.level,
             index,
-            class: 0,
+            class: interleave::class_of(light, shell.level, settings.interleave),
         }
     }
 }
@@ -175,16 +175,11 @@ pub(super) fn collect(
     bounds: &Bounds,
     list: &mut Vec<TileLight>,
 ) {
-    let side = settings.interleave;
     list.clear();
     for shell in shells {
         let level = level_of(grid, shell.level);
         let mut visit = |index: u32, light: &GridLight| {
-            let class = match shell.level {
-                0 => interleave::class_of_vpl(grid.level0_lights[index as usize], side),
-                _ => interleave::class_of_light(light, side),
-            };
-            let light = TileLight { class, ..TileLight::new(light, index, shell, settings) };
+            let light = TileLight::new(light, index, shell, settings);
             if is_in_reach(&light, shell, bounds) {
                 list.push(light);
             }
@@ -214,8 +209,8 @@ fn place(grid: &LightingGrid, light: &TileLight) -> (Reverse<u32>, u64) {
     (Reverse(light.level), in_level)
 }
 
-/// Replaces `list` by those of the lights in `wider` that are of a class and can reach inside
-/// narrower bounds.
+/// Replaces `list` by those of the lights in `wider` that a class of receivers sees and that can
+/// reach inside narrower bounds.
 pub(super) fn narrow(
     wider: &[TileLight],
     class: u32,
@@ -226,7 +221,8 @@ pub(super) fn narrow(
     list.clear();
     let first = shells[0].level;
     let shell = |light: &TileLight| &shells[(light.level - first) as usize];
-    let is_wanted = |l: &&TileLight| l.class == class && is_in_reach(l, shell(l), bounds);
+    let is_of_class = |l: &TileLight| l.class == class || l.class == interleave::EVERY;
+    let is_wanted = |l: &&TileLight| is_of_class(l) && is_in_reach(l, shell(l), bounds);
     wider.iter().filter(is_wanted).for_each(|l| list.push(l));
 }
 

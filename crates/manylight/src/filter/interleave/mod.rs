@@ -1,19 +1,25 @@
 //! Putting together what the pixels of interleaved sampling know.
 //!
 //! In: irradiances, each of another part of the lights · Out: irradiances of all lights
-//! Paper: `[KellerHeidrich01]`; differs: weighted by planes and normals instead of cut where depth
-//! or normals jump, and the window stays inside the picture.
+//! Paper: `[KellerHeidrich01]`; differs: weighted by planes and shading normals, and the window
+//! stays inside the picture.
 //! Known failure: what is smaller than a few pixels is smoothed, and where a surface shows fewer
 //! pixels than there are parts, some parts are missing.
 
+#[cfg(feature = "gpu")]
+pub mod gpu;
+
+use super::guides;
 use super::planes::Planes;
-use super::sweep::{NORMAL, POSITION, PLANE_SCALE};
-use super::{MOST_TRUST, guides};
+use super::sweep::{NORMAL, PLANE_SCALE, POSITION};
 use crate::gather::Gathered;
 use crate::math::luminance;
 use crate::surface::{Receivers, ViewFrame};
 use glam::Vec3;
 use rayon::prelude::*;
+
+/// Most trust in what one part of the lights says about all.
+const MOST_TRUST: f32 = 8.0;
 
 /// Means over windows of `side` × `side` pixels, each part of the lights as often as every other
 /// where all lie in one plane; the trust in a ratio becomes that in a share of the whole light.
@@ -37,19 +43,27 @@ pub fn join(gathers: &mut [&mut Gathered], receivers: &Receivers, view: &ViewFra
     }
 }
 
-/// Light of a part of the lights as a share of what that of all was taken for.
+/// Light of a part of the lights as a share of what that of all is taken for.
 fn share(part: Vec3, whole: Vec3) -> f32 {
     let whole = luminance(whole);
     if whole > 0.0 { (luminance(part) / whole).min(MOST_TRUST) } else { 1.0 }
 }
 
+/// First channel of the shading normals.
+const SHADING: usize = 3;
+
 fn join_one(raw: &[Vec3], receivers: &Receivers, guides: &Planes, side: usize) -> Vec<Vec3> {
     let (width, height) = (receivers.width, receivers.height);
-    let mut signal = Planes::new(width, height, 3);
+    // Irradiance, then shading normal, zero where there is no surface.
+    let mut signal = Planes::new(width, height, 6);
     let (pitch, stride) = (signal.pitch(), signal.stride);
-    signal.data.par_chunks_mut(pitch).zip(raw.par_chunks(width)).for_each(|(row, raw)| {
-        for (axis, row) in row.chunks_exact_mut(stride).enumerate() {
-            row.iter_mut().zip(raw).for_each(|(to, from)| *to = from[axis]);
+    signal.data.par_chunks_mut(pitch).enumerate().for_each(|(y, row)| {
+        for (x, i) in (y * width..(y + 1) * width).enumerate() {
+            let normal = receivers.samples[i].surface.as_ref().map_or(Vec3::ZERO, |s| s.ns);
+            for axis in 0..3 {
+                row[axis * stride + x] = raw[i][axis];
+                row[(SHADING + axis) * stride + x] = normal[axis];
+            }
         }
     });
     let mut out = raw.to_vec();
@@ -123,7 +137,9 @@ impl Window<'_> {
         let (guides, signal, width) = (self.guides, self.signal, self.guides.width);
         let runs = |channel: usize, at| [0, 1, 2].map(|axis| guides.run(channel + axis, at, n));
         let ([px, py, pz], [qx, qy, qz]) = (runs(POSITION, center), runs(POSITION, tap));
-        let ([nx, ny, nz], [mx, my, mz]) = (runs(NORMAL, center), runs(NORMAL, tap));
+        let [nx, ny, nz] = runs(NORMAL, center);
+        let shading = |at| [0, 1, 2].map(|axis| signal.run(SHADING + axis, at, n));
+        let ([sx, sy, sz], [tx, ty, tz]) = (shading(center), shading(tap));
         let slack = guides.run(PLANE_SCALE, center, n);
         let inverse_step = 2.0 / self.side as f32;
         let [r, g, b] = [0, 1, 2].map(|axis| signal.run(axis, tap, n));
@@ -131,7 +147,7 @@ impl Window<'_> {
         let mut next = || sums.next().unwrap_or_default();
         let (red, green, blue, total) = (next(), next(), next(), next());
         for i in 0..n {
-            let cos = nx[i] * mx[i] + ny[i] * my[i] + nz[i] * mz[i];
+            let cos = sx[i] * tx[i] + sy[i] * ty[i] + sz[i] * tz[i];
             let cos = if cos > 0.0 { cos } else { 0.0 };
             let cos_sq = cos * cos;
             let (dx, dy, dz) = (qx[i] - px[i], qy[i] - py[i], qz[i] - pz[i]);
@@ -144,3 +160,6 @@ impl Window<'_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;
