@@ -156,6 +156,15 @@ impl Renderer {
             gathers.push(self.gather(&receivers, &vpls, settings, d_min, seed ^ 4, clock));
         }
 
+        if settings.method != Method::Brute && settings.interleave > 1 {
+            clock.run("interleave", || {
+                // Not the sky, whose light is no sum over virtual lights.
+                let parts = gathers.iter_mut().filter(|(gathered, _)| gathered.alpha.is_some());
+                let mut parts: Vec<_> = parts.map(|(gathered, _)| gathered).collect();
+                filter::interleave::join(&mut parts, &receivers, view, settings.interleave);
+                ((), u64::from(settings.interleave))
+            });
+        }
         self.filter_ratios(&mut gathers, &receivers, view, settings, clock);
         let (on_direct, on_indirect) = gathers.split_at(direct_gathers);
         on_direct.iter().for_each(|(gathered, _)| layers.add_direct(gathered));

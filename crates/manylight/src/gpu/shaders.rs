@@ -65,6 +65,7 @@ pub const SHADERS: &[(&str, &str)] = shaders![
     "filter/first",
     "filter/pass",
     "filter/split",
+    "filter/interleave/join",
     "filter/temporal/reproject",
     "filter/temporal/accumulate",
     "composite/brdf",

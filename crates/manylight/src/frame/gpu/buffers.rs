@@ -5,6 +5,7 @@ use super::lights::{Lights, Needs};
 use crate::composite::gpu::GpuLayers;
 use crate::error::Error;
 use crate::filter::gpu::{Filter, Guides};
+use crate::filter::interleave::gpu::Join;
 use crate::gather::grid::gpu::{Gather, GatherCapacity};
 use crate::gpu::{Buf, Gpu, Later, Recorder};
 use crate::settings::{Method, Settings, ShadowSettings};
@@ -20,6 +21,7 @@ struct Shape {
     /// Virtual lights, bounces, virtual lights on emitters.
     vpls: [u32; 3],
     shadow: ShadowSettings,
+    interleave: u32,
     has_sky: bool,
 }
 
@@ -32,7 +34,13 @@ impl Shape {
             samples: settings.film.samples,
             vpls: [settings.vpls.count, settings.vpls.bounces, settings.vpls.emitter_count],
             shadow: settings.shadow.clone(),
+            interleave: settings.interleave,
         }
+    }
+
+    /// Whether pixels see parts of the lights.
+    fn is_interleaved(&self) -> bool {
+        self.interleave > 1 && self.method != Method::Brute
     }
 }
 
@@ -71,6 +79,8 @@ pub(super) struct Buffers {
     /// Shared by the gathers, one after another.
     pub gather: Gather,
     pub guides: Guides,
+    /// Where pixels see parts of the lights.
+    pub join: Option<Join>,
     pub filter: Filter,
     pub layers: GpuLayers,
 }
@@ -113,6 +123,7 @@ impl Buffers {
             bounced: has_bounced.then(|| lights(false)).transpose()?,
             gather: Gather::new(gpu, width, height, settings, GatherCapacity::default())?,
             guides: Guides::new(gpu, width, height)?,
+            join: shape.is_interleaved().then(|| Join::new(gpu, width, height)).transpose()?,
             filter: Filter::new(gpu, width, height, 3)?,
             layers: GpuLayers::new(gpu, width, height, shape.samples)?,
             shape,
@@ -140,7 +151,11 @@ impl Buffers {
         if old.has_sky != shape.has_sky {
             self.sky = shape.has_sky.then(|| Part::new(gpu, shape.size)).transpose()?;
         }
-        if old.shadow != shape.shadow {
+        if old.is_interleaved() != shape.is_interleaved() {
+            let join = || Join::new(gpu, width, height);
+            self.join = shape.is_interleaved().then(join).transpose()?;
+        }
+        if old.shadow != shape.shadow || old.interleave != shape.interleave {
             let &GatherCapacity { block_chunks, frontier, .. } = self.gather.capacity();
             let fresh = GatherCapacity::default();
             let capacity = GatherCapacity { block_chunks, frontier, ..fresh };

@@ -191,7 +191,7 @@ impl GpuRenderer {
 
     /// The list of stages.
     fn record_frame(&self, rec: &mut Recorder<'_>, buffers: &Buffers, job: Job<'_>) {
-        let Job { settings, view, .. } = job;
+        let Job { settings, .. } = job;
         let (seed, d_min) = (job.seed(), self.renderer.d_min(settings));
         let Buffers { receivers, layers, .. } = buffers;
         self.record_receivers(rec, buffers, job);
@@ -220,6 +220,7 @@ impl GpuRenderer {
             }
             lights.gather(rec, buffers, settings, d_min, seed ^ 4);
         }
+        self.record_guides(rec, buffers, job);
         let gathers = buffers.gathers(settings);
         let noisy: Vec<_> = gathers.iter().filter(|g| g.rays > 0).collect();
         let signals: Vec<_> = noisy
@@ -228,7 +229,6 @@ impl GpuRenderer {
             .collect();
         let smooth = if settings.filter.enabled && !signals.is_empty() {
             rec.stage("filter");
-            buffers.guides.record(rec, receivers, view);
             buffers.filter.record(rec, &buffers.guides, &signals, &settings.filter)
         } else {
             &[]
@@ -242,6 +242,23 @@ impl GpuRenderer {
             layers.add(rec, receivers, &GatheredLight { unshadowed, arriving, is_direct });
         }
         layers.finish(rec, receivers);
+    }
+
+    /// What tells receivers apart, for all filters; and the first of them, where pixels see parts of
+    /// the lights.
+    fn record_guides(&self, rec: &mut Recorder<'_>, buffers: &Buffers, job: Job<'_>) {
+        let Job { settings, view, .. } = job;
+        let Buffers { receivers, guides, join, .. } = buffers;
+        if settings.filter.enabled || join.is_some() {
+            rec.stage(if join.is_some() { "interleave" } else { "filter" });
+            guides.record(rec, receivers, view);
+        }
+        let Some(join) = join else { return };
+        for lights in buffers.emitted.iter().chain(&buffers.bounced) {
+            let Some(gathered) = &lights.gathered else { continue };
+            let parts = (&gathered.out.unshadowed, &gathered.out.ratio);
+            join.record(rec, guides, receivers, parts, settings.interleave);
+        }
     }
 
     /// Receivers, what the sky gives to the other pixels, and light from points and suns.
