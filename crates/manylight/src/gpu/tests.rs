@@ -70,7 +70,7 @@ fn what_goes_wrong_on_someone_elses_device_is_a_sentence() {
     let gpu = Gpu::from_device(raw, queue, "theirs".to_owned()).expect("device");
     let invalid = gpu.guard(|| {
         // A uniform cannot be mapped.
-        gpu.device().create_buffer(&wgpu::BufferDescriptor {
+        let _ = gpu.device().create_buffer(&wgpu::BufferDescriptor {
             label: None,
             size: 4,
             usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::MAP_READ,
