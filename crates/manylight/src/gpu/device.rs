@@ -302,8 +302,8 @@ impl Gpu {
         let problems: Vec<_> = problems.collect();
         match problems.into_iter().flatten().next() {
             Some(e) => {
-                // Whatever is done on a lost device goes wrong.
-                self.check()?;
+                // Whatever is done on a lost device goes wrong; polling tells of the loss.
+                self.poll()?;
                 result.and(Err(self.problem(&one_line(&e))))
             }
             None => result,

@@ -180,6 +180,11 @@ impl Buffers {
         self.shape == Shape::new(size, settings, self.shape.has_sky)
     }
 
+    /// Forgets how many levels the grids of other lights should have had at most.
+    pub fn forget_levels(&mut self) {
+        self.emitted.iter_mut().chain(&mut self.bounced).for_each(Lights::forget_levels);
+    }
+
     /// Stays the same as long as every list does.
     pub fn generation(&self) -> &Arc<()> {
         &self.generation

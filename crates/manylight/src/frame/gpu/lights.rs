@@ -123,6 +123,13 @@ impl Lights {
         Ok((self.grid_lights > 0).then_some(reach.alpha))
     }
 
+    /// Forgets how many levels the grid should have had at most.
+    pub fn forget_levels(&mut self) {
+        if let Some(gathered) = &mut self.gathered {
+            gathered.level_cap = MAX_LEVELS;
+        }
+    }
+
     /// The records that tell what a frame would have needed; one record each.
     pub fn needs_records(&self) -> Vec<&wgpu::Buffer> {
         let gathered = self.gathered.iter();

@@ -43,6 +43,8 @@ pub struct GpuRenderer {
     buffers: Option<Buffers>,
     /// Frames inside an engine's own.
     in_flight: engine::InFlight,
+    /// Whether the lights are others than those of the last picture.
+    is_relit: bool,
 }
 
 /// One picture to be rendered.
@@ -83,7 +85,7 @@ impl GpuRenderer {
         match gpu.guard(|| GpuWorld::new(&gpu, &renderer.world, &sources)) {
             Ok(scene) => {
                 let in_flight = engine::InFlight::default();
-                Ok(Self { gpu, renderer, scene, buffers: None, in_flight })
+                Ok(Self { gpu, renderer, scene, buffers: None, in_flight, is_relit: false })
             }
             Err(reason) => Err((renderer, reason)),
         }
@@ -166,6 +168,9 @@ impl GpuRenderer {
         let size = [job.view.width, job.view.height];
         let kept = self.buffers.take();
         let mut buffers = self.gpu.guard(|| Buffers::take(kept, self, size, job.settings))?;
+        if std::mem::take(&mut self.is_relit) {
+            buffers.forget_levels();
+        }
         for _ in 0..MOST_TRIES {
             // After a build that lacked room nothing is kept.
             let times = self.gpu.guard(|| match job.settings.method {

@@ -137,7 +137,8 @@ impl GpuRenderer {
     }
 
     /// Takes other sun, point and spot lights and another sky; emissive materials stay what they
-    /// are. For frames recorded from now on.
+    /// are. For frames recorded from now on; the grids of these go on from the levels of those
+    /// before, where pictures of [`GpuRenderer::render`] are as those of a new renderer.
     ///
     /// Errors: nothing in the scene would shine, or more than the device can hold; nothing has
     /// changed then
@@ -147,7 +148,7 @@ impl GpuRenderer {
         mut lights: Vec<Light>,
         mut sky: Option<Sky>,
     ) -> Result<(), Error> {
-        let Self { gpu, renderer, scene, .. } = self;
+        let Self { gpu, renderer, scene, is_relit, .. } = self;
         let Renderer { world, emitters } = &mut **renderer;
         swap(&mut world.scene.lights, &mut lights);
         swap(&mut world.scene.sky, &mut sky);
@@ -157,7 +158,7 @@ impl GpuRenderer {
             false => gpu.guard(|| scene.set_sources(gpu, &pack(world, &relit))),
         };
         match done {
-            Ok(()) => *emitters = relit,
+            Ok(()) => (*emitters, *is_relit) = (relit, true),
             Err(_) => {
                 swap(&mut world.scene.lights, &mut lights);
                 swap(&mut world.scene.sky, &mut sky);

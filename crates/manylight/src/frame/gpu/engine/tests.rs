@@ -88,8 +88,9 @@ impl Drop for Rented {
 
 fn settings() -> Settings {
     let mut settings = Settings::default();
-    settings.vpls.count = 1500;
-    settings.vpls.emitter_count = 300;
+    settings.vpls.count = 400;
+    settings.vpls.emitter_count = 100;
+    settings.grid.alpha = Some(0.7);
     settings.shadow.rays = 2;
     settings
 }
@@ -146,11 +147,16 @@ fn read(gpu: &Gpu, view: &wgpu::TextureView) -> Vec<[f32; 4]> {
 
 /// Whether texels are colors up to the rounding of half floats.
 fn assert_same(found: &[[f32; 4]], expected: &[Vec3], what: &str) {
+    assert_close(found, expected, 5e-4, what);
+}
+
+/// Whether texels are colors up to a share of them.
+fn assert_close(found: &[[f32; 4]], expected: &[Vec3], share: f32, what: &str) {
     assert_eq!(found.len(), expected.len());
     assert!(expected.iter().any(|c| c.max_element() > 0.0), "{what}: all dark");
     for (i, ([r, g, b, _], expected)) in found.iter().zip(expected).enumerate() {
         let difference = (Vec3::new(*r, *g, *b) - *expected).abs().max_element();
-        let most = expected.max_element() * 1e-3 + 1e-6;
+        let most = expected.max_element() * share + 1e-6;
         assert!(difference <= most, "{what}, pixel {i}: {r} {g} {b}, expected {expected}");
     }
 }
@@ -165,12 +171,16 @@ fn sky() -> Option<Sky> {
 
 #[test]
 fn frames_recorded_together_are_those_rendered_alone() {
-    let Some(mut rented) = Rented::new(|_| ()) else { return };
+    let Some(mut rented) = Rented::new(|scene| scene.sky = sky()) else { return };
     let camera = rented.camera.clone();
     let other = Camera { position: camera.position + Vec3::X * 0.2, ..camera.clone() };
     let settings = settings();
     let first = rented.render(&settings, 7);
     let second = rented.render_from(&other, &settings, 8);
+    let old_lights = rented.renderer().renderer().world.scene.lights.clone();
+    rented.renderer().set_lights(vec![lamp()], sky()).expect("lights");
+    let third = rented.render(&settings, 9);
+    rented.renderer().set_lights(old_lights, sky()).expect("lights");
     let views: Vec<_> = (0..5).map(|_| rented.target()).collect();
     let [indirect, irradiance] = [Some(&views[3]), Some(&views[4])];
     let parts = EngineTargets { composite: &views[0], indirect, irradiance };
@@ -180,9 +190,8 @@ fn frames_recorded_together_are_those_rendered_alone() {
     rented.record(&mut encoder, &other, 8, &composite(&views[1]));
     rented.renderer().set_lights(vec![lamp()], sky()).expect("lights");
     rented.record(&mut encoder, &camera, 9, &composite(&views[2]));
-    rented.submit(encoder);
+    assert!(!rented.submit(encoder), "the buffers had their size");
 
-    let third = rented.render(&settings, 9);
     let gpu = rented.renderer().gpu();
     for (i, frame) in [&first, &second, &third].into_iter().enumerate() {
         assert_same(&read(gpu, &views[i]), &frame.layers.beauty(), &format!("frame {i}"));
@@ -194,7 +203,9 @@ fn frames_recorded_together_are_those_rendered_alone() {
         let light = Vec3::new(r, g, b) * ratio * *albedo * std::f32::consts::FRAC_1_PI;
         light.extend(ratio).to_array()
     });
-    assert_same(&reflected.collect::<Vec<_>>(), &first.layers.indirect, "reflected irradiance");
+    // Two of its factors have been rounded.
+    let reflected: Vec<_> = reflected.collect();
+    assert_close(&reflected, &first.layers.indirect, 2e-3, "reflected irradiance");
 }
 
 #[test]
@@ -206,9 +217,10 @@ fn other_lights_are_those_of_a_new_renderer() {
     let Some(mut rented) = Rented::new(|_| ()) else { return };
     // Buffers are those of the lights before.
     let before = rented.render(&settings(), 1).layers.beauty();
+    let old_lights = rented.renderer().renderer().world.scene.lights.clone();
     rented.renderer().set_lights(vec![lamp()], sky()).expect("lights");
     assert!(rented.render(&settings(), 1).layers.beauty() == expected);
-    rented.renderer().set_lights(Vec::new(), None).expect("lights");
+    rented.renderer().set_lights(old_lights, None).expect("lights");
     assert!(rented.render(&settings(), 1).layers.beauty() == before);
 }
 
