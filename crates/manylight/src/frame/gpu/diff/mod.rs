@@ -33,7 +33,7 @@ use crate::vlight::vpl::{self, VplSet};
 use glam::Vec3;
 use lights::{diff_grid, diff_vpls};
 use manylight_scene::Camera;
-use tally::{Tally, apart, apart_by_axis, colors, numbers};
+use tally::{Tally, apart, apart_by_axis, colors, counts, numbers};
 
 /// Pixels whose ray to a sun or lamp may pass an edge.
 const EDGES_ALLOWED: f64 = 3e-3;
@@ -42,8 +42,8 @@ const EDGES_ALLOWED: f64 = 3e-3;
 const EDGES_PER_SIDE: f64 = 0.25;
 /// Pixels of whose few rays to the sky one may pass an edge, or fall on a texel's border.
 const SKY_ALLOWED: f64 = 1e-2;
-/// Pixels where a light may give nothing within rounding, and counts on one side alone.
-const COUNTS_ALLOWED: f64 = 1e-2;
+/// Lights that give a pixel nothing within rounding, and count on one side alone.
+const COUNTS_ALLOWED: f64 = 1e-3;
 /// Pixels of whose drawn lights one may be the next, or its ray pass an edge.
 const DRAWS_ALLOWED: f64 = 1.5e-2;
 
@@ -314,10 +314,10 @@ impl<'a> Diff<'a> {
         let pairs = expected.unshadowed.iter().copied().zip(colors_of(&sums));
         let rows = [
             colors([names.lighting, "unshadowed"], pairs, 1e-4, 0.0),
-            numbers(
+            counts(
                 [names.lighting, "evals"],
-                expected.evals.iter().zip(&sums).map(|(a, b)| (*a as f32, b[3])),
-                (0.0, "lights"),
+                expected.evals.iter().zip(&sums).map(|(a, b)| (*a, b[3] as u32)),
+                "lights of a pixel",
                 COUNTS_ALLOWED,
             ),
             numbers(
