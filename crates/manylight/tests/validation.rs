@@ -59,7 +59,7 @@ fn open() -> Option<Gpu> {
     let descriptor = wgpu::DeviceDescriptor { required_limits: limits, ..Default::default() };
     let opened = pollster::block_on(adapter.request_device(&descriptor));
     let (device, queue) = opened.expect("a device");
-    Some(Gpu::from_device(device, queue, adapter.get_info().name))
+    Some(Gpu::from_device(device, queue, adapter.get_info().name).expect("a device that will do"))
 }
 
 #[test]

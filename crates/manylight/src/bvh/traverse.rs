@@ -120,7 +120,8 @@ pub(super) fn visit_near_lanes<V: Vector>(
     let mut stack = Stack::<(u32, f32), NEAR_STACK>::new();
     stack.push((0, 0.0));
     while let Some((reference, t_near)) = stack.pop() {
-        if t_near >= t_max {
+        // What lies at the same distance may come earlier in the builder's list.
+        if t_near > t_max {
             continue;
         }
         if reference & LEAF != 0 {

@@ -93,7 +93,7 @@ fn visit_node(n0: vec4u, n1: vec4u, n2: vec4u, n3: vec4u, n4: vec4u, s: RaySetup
     return Groups(vec2u(n1.x, (hits & 0xff000000u) | (n0.w >> 24u)), vec2u(n1.y, hits & 0xffffffu));
 }
 
-// Distance and barycentrics where a ray meets a triangle in 0 < t < t_max; t < 0 where it does not.
+// Distance and barycentrics where a ray meets a triangle in 0 < t ≤ t_max; t < 0 where it does not.
 //
 // Source: [MoellerTrumbore97], edges stored
 fn intersect_triangle(corner: vec3f, edge1: vec3f, edge2: vec3f, ray: Ray, t_max: f32) -> vec3f {
@@ -106,5 +106,5 @@ fn intersect_triangle(corner: vec3f, edge1: vec3f, edge2: vec3f, ray: Ray, t_max
     let t = dot(edge2, q) * inverse;
     // A determinant of zero makes numbers that are not, for which comparisons are false.
     let inside = u >= -EDGE_SLACK && v >= -EDGE_SLACK && u + v <= 1.0 + EDGE_SLACK;
-    return select(vec3f(-1.0), vec3f(t, u, v), inside && t > 0.0 && t < t_max);
+    return select(vec3f(-1.0), vec3f(t, u, v), inside && t > 0.0 && t <= t_max);
 }

@@ -63,7 +63,7 @@ impl<F: FnMut(&RayHit) -> bool, const ANY: bool> Leaves for Hits<'_, F, ANY> {
             let hit = hit_in(pack, lane, &values);
             // Of any opaque one it is known by now.
             let is_opaque = !ANY && pack.id[lane] & OPAQUE != 0;
-            if hit.t < *t_max && (is_opaque || (self.accept)(&hit)) {
+            if self.is_nearer(&hit, *t_max) && (is_opaque || (self.accept)(&hit)) {
                 if ANY {
                     return true;
                 }
@@ -72,6 +72,17 @@ impl<F: FnMut(&RayHit) -> bool, const ANY: bool> Leaves for Hits<'_, F, ANY> {
             }
         }
         false
+    }
+}
+
+impl<F, const ANY: bool> Hits<'_, F, ANY> {
+    /// Whether a hit takes the place of the nearest one. Of two at the same distance, as in
+    /// triangles that lie in one another, that is the one earlier in the builder's list: the order
+    /// of the visits decides nothing.
+    #[inline(always)]
+    fn is_nearer(&self, hit: &RayHit, t_max: f32) -> bool {
+        let is_tied = || self.nearest.is_some_and(|nearest| hit.triangle < nearest.triangle);
+        hit.t < t_max || (!ANY && hit.t == t_max && is_tied())
     }
 }
 
@@ -87,7 +98,7 @@ fn hit_in(pack: &Pack, lane: usize, [t, u, v]: &[Lanes; 3]) -> RayHit {
     RayHit { t: t[lane], barycentrics: [u[lane], v[lane]], triangle }
 }
 
-/// Which triangles the ray meets in 0 < t < `t_max`, with distances and barycentrics.
+/// Which triangles the ray meets in 0 < t ≤ `t_max`, with distances and barycentrics.
 ///
 /// Source: `[MoellerTrumbore97]`, edges stored.
 #[inline(always)]
@@ -110,7 +121,7 @@ fn intersect_pack<V: Vector>(pack: &Pack, ray: &Prepared<V>, t_max: f32) -> (u32
         & V::splat(lanes, -EDGE_SLACK).le(v)
         & (u + v).le(V::splat(lanes, 1.0 + EDGE_SLACK))
         & V::splat(lanes, 0.0).lt(t)
-        & t.lt(V::splat(lanes, t_max));
+        & t.le(V::splat(lanes, t_max));
     (mask, [t, u, v])
 }
 

@@ -293,7 +293,8 @@ mod tests {
 
     #[test]
     fn kernels_match_their_shaders() {
-        KERNELS.iter().for_each(|kernel| check_kernel(kernel));
+        let kernels = KERNELS.iter().chain(crate::composite::store::KERNELS);
+        kernels.for_each(|kernel| check_kernel(kernel));
     }
 
     fn random(i: usize, key: u32) -> f32 {

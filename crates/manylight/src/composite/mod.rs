@@ -5,6 +5,8 @@
 #[cfg(feature = "gpu")]
 pub mod gpu;
 #[cfg(feature = "gpu")]
+pub mod store;
+#[cfg(feature = "gpu")]
 pub mod tone;
 
 use crate::surface::Receivers;

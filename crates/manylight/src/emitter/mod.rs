@@ -55,7 +55,11 @@ pub struct DirectSample {
 impl Emitters {
     /// Collects the sources of a world.
     pub fn new(world: &World) -> Self {
-        let surface = SurfaceEmitter::new(world);
+        Self::with_surface(world, SurfaceEmitter::new(world))
+    }
+
+    /// The same where the triangles that shine are known.
+    pub(crate) fn with_surface(world: &World, surface: SurfaceEmitter) -> Self {
         let sky = world.scene.sky.as_ref().and_then(|s: &Sky| SkyEmitter::new(s));
         let lights = world.scene.lights.clone();
         let flux = |light: &Light| match *light {

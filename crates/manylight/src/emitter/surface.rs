@@ -8,7 +8,7 @@ use std::collections::HashMap;
 use std::f32::consts::PI;
 
 /// Every triangle that shines, chosen by its flux.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct SurfaceEmitter {
     pub(super) triangles: Vec<EmissiveTriangle>,
     pub(super) by_flux: Discrete,

@@ -8,6 +8,7 @@
 
 #[cfg(feature = "gpu")]
 pub mod gpu;
+pub mod interleave;
 mod planes;
 mod sweep;
 pub mod temporal;

@@ -4,10 +4,10 @@ use super::planes::Planes;
 
 /// Channels of the guides: position, normal, albedo, 1 / plane slack.
 pub(super) const GUIDES: usize = 8;
-const POSITION: usize = 0;
-const NORMAL: usize = 3;
+pub(super) const POSITION: usize = 0;
+pub(super) const NORMAL: usize = 3;
 const ALBEDO: usize = 6;
-const PLANE_SCALE: usize = 7;
+pub(super) const PLANE_SCALE: usize = 7;
 
 /// Receivers that are worked on at once: their sums and guides fit the nearest cache.
 const RUN: usize = 128;

@@ -61,11 +61,7 @@ impl Renderer {
         let world = World::new(scene)?;
         let emitters = Emitters::new(&world);
         if emitters.is_dark() {
-            return Err(Error::Scene {
-                scene: world.scene.name,
-                problem: "nothing in it shines; add a light, a sky or an emissive material"
-                    .to_owned(),
-            });
+            return Err(nothing_shines(&world.scene.name));
         }
         Ok(Self { world, emitters })
     }
@@ -160,6 +156,15 @@ impl Renderer {
             gathers.push(self.gather(&receivers, &vpls, settings, d_min, seed ^ 4, clock));
         }
 
+        if settings.method != Method::Brute && settings.interleave > 1 {
+            clock.run("interleave", || {
+                // Not the sky, whose light is no sum over virtual lights.
+                let parts = gathers.iter_mut().filter(|(gathered, _)| gathered.alpha.is_some());
+                let mut parts: Vec<_> = parts.map(|(gathered, _)| gathered).collect();
+                filter::interleave::join(&mut parts, &receivers, view, settings.interleave);
+                ((), u64::from(settings.interleave))
+            });
+        }
         self.filter_ratios(&mut gathers, &receivers, view, settings, clock);
         let (on_direct, on_indirect) = gathers.split_at(direct_gathers);
         on_direct.iter().for_each(|(gathered, _)| layers.add_direct(gathered));
@@ -348,6 +353,11 @@ impl Renderer {
     fn sky(&self, direction: Vec3) -> Vec3 {
         self.emitters.sky.as_ref().map_or(Vec3::ZERO, |s| s.radiance(direction))
     }
+}
+
+fn nothing_shines(scene: &str) -> Error {
+    let problem = "nothing in it shines; add a light, a sky or an emissive material".to_owned();
+    Error::Scene { scene: scene.to_owned(), problem }
 }
 
 /// Errors: a size without pixels or above [`MAX_PIXELS`]

@@ -63,7 +63,8 @@ pub struct Gpu {
     name: String,
     scene_layout: wgpu::BindGroupLayout,
     pipelines: Mutex<HashMap<&'static str, wgpu::ComputePipeline>>,
-    arenas: Mutex<Vec<Arena>>,
+    /// Those that no recording holds.
+    arenas: Arc<Mutex<Vec<Arena>>>,
     bytes_held: Arc<AtomicU64>,
     /// The first thing that went wrong on the device.
     problem: Arc<Mutex<Option<String>>>,
@@ -91,10 +92,7 @@ fn describe(adapter: &wgpu::Adapter) -> AdapterDescription {
         wgpu::DeviceType::Cpu => "software",
         wgpu::DeviceType::Other => "other",
     };
-    let mut lacks = Vec::new();
-    wgpu::Limits::defaults().check_limits_with_fail_fn(&limits, false, |name, wanted, found| {
-        lacks.push(format!("{name} of {wanted} (it has {found})"));
-    });
+    let lacks = lacks(&limits);
     AdapterDescription {
         name: info.name,
         kind,
@@ -108,6 +106,15 @@ fn describe(adapter: &wgpu::Adapter) -> AdapterDescription {
         ray_queries: features.contains(wgpu::Features::EXPERIMENTAL_RAY_QUERY),
         lacks: (!lacks.is_empty()).then(|| lacks.join(", ")),
     }
+}
+
+/// What some limits lack to render.
+fn lacks(limits: &wgpu::Limits) -> Vec<String> {
+    let mut lacks = Vec::new();
+    wgpu::Limits::defaults().check_limits_with_fail_fn(limits, false, |name, wanted, found| {
+        lacks.push(format!("{name} of {wanted} (it has {found})"));
+    });
+    lacks
 }
 
 /// How soon an adapter is chosen: lower is sooner.
@@ -166,40 +173,59 @@ impl Gpu {
         }));
         let (raw, queue) =
             opened.map_err(|e| device(format!("{} does not open: {e}", description.name)))?;
-        Ok(Self::from_device(raw, queue, format!("{}, {}", description.name, description.driver)))
+        let name = format!("{}, {}", description.name, description.driver);
+        let gpu = Self::from_device(raw, queue, name)?;
+        gpu.listen();
+        Ok(gpu)
     }
 
-    /// Takes a device that someone else opened, with at least `wgpu::Limits::defaults()`.
-    pub fn from_device(device: wgpu::Device, queue: wgpu::Queue, name: String) -> Self {
-        let problem = Arc::new(Mutex::new(None));
-        let keep = |problem: &Arc<Mutex<Option<String>>>| {
-            let problem = problem.clone();
-            move |text: String| {
-                let mut first = problem.lock().unwrap_or_else(PoisonError::into_inner);
-                first.get_or_insert(text);
-            }
-        };
-        let (keep_error, keep_loss) = (keep(&problem), keep(&problem));
-        device.on_uncaptured_error(Arc::new(move |e: wgpu::Error| keep_error(one_line(&e))));
-        device.set_device_lost_callback(move |reason, text| {
-            if reason != wgpu::DeviceLostReason::Destroyed {
-                keep_loss(format!("the device was lost: {text}"));
-            }
-        });
+    /// Takes a device that someone else opened. What goes wrong on it is told by the functions that
+    /// did it; the device's own handlers are left alone.
+    ///
+    /// Errors: less than `wgpu::Limits::defaults()`
+    pub fn from_device(
+        device: wgpu::Device,
+        queue: wgpu::Queue,
+        name: String,
+    ) -> Result<Self, Error> {
+        let lacks = lacks(&device.limits());
+        if !lacks.is_empty() {
+            let problem = format!("{name} was opened with too little: {}", lacks.join(", "));
+            return Err(Error::Device { problem });
+        }
         let scene_layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("scene"),
             entries: &scene_entries(),
         });
-        Self {
+        Ok(Self {
             device,
             queue,
             name,
             scene_layout,
             pipelines: Mutex::default(),
-            arenas: Mutex::default(),
+            arenas: Arc::default(),
             bytes_held: Arc::default(),
-            problem,
-        }
+            problem: Arc::default(),
+        })
+    }
+
+    /// Keeps the first thing that goes wrong for [`Gpu::check`].
+    fn listen(&self) {
+        let keep = || {
+            let problem = self.problem.clone();
+            move |text: String| {
+                let mut first = problem.lock().unwrap_or_else(PoisonError::into_inner);
+                first.get_or_insert(text);
+            }
+        };
+        let (keep_error, keep_loss) = (keep(), keep());
+        self.device.on_uncaptured_error(Arc::new(move |e: wgpu::Error| keep_error(one_line(&e))));
+        self.device.set_device_lost_callback(move |reason, text| {
+            keep_loss(format!(
+                "the device was lost: {}",
+                if text.is_empty() { format!("{reason:?}") } else { text }
+            ));
+        });
     }
 
     /// The device behind it.
@@ -238,7 +264,7 @@ impl Gpu {
 
     /// A buffer of zeros.
     ///
-    /// Errors: more bytes than one binding of this device may have
+    /// Errors: more bytes than one binding of this device may have, or than it has left
     pub fn buffer<T: Record>(&self, name: &'static str, len: usize) -> Result<Buf<T>, Error> {
         let limits = self.device.limits();
         let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
@@ -250,7 +276,38 @@ impl Gpu {
                 self.name
             )));
         }
-        Ok(Buf::new(self, name, len))
+        let scope = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let buffer = Buf::new(self, name, len);
+        match pollster::block_on(scope.pop()) {
+            None => Ok(buffer),
+            Some(_) => Err(device(format!(
+                "the list of {name} needs {needed} bytes, and {} has no room for it beside {} \
+                 bytes of other lists; render with fewer virtual lights or pixels, or with \
+                 --backend cpu",
+                self.name,
+                self.bytes().saturating_sub(buffer.raw().size()),
+            ))),
+        }
+    }
+
+    /// Does something and tells what went wrong on the device meanwhile, whoever opened it.
+    ///
+    /// Errors: as `work`, and what the device reported
+    pub fn guard<T>(&self, work: impl FnOnce() -> Result<T, Error>) -> Result<T, Error> {
+        use wgpu::ErrorFilter::{Internal, OutOfMemory, Validation};
+        let scopes = [OutOfMemory, Internal, Validation].map(|f| self.device.push_error_scope(f));
+        let result = work();
+        // The last one first.
+        let problems = scopes.into_iter().rev().map(|scope| pollster::block_on(scope.pop()));
+        let problems: Vec<_> = problems.collect();
+        match problems.into_iter().flatten().next() {
+            Some(e) => {
+                // Whatever is done on a lost device goes wrong.
+                self.check()?;
+                result.and(Err(self.problem(&one_line(&e))))
+            }
+            None => result,
+        }
     }
 
     /// A buffer that holds some records.
@@ -315,17 +372,29 @@ impl Gpu {
     /// Errors: what the device reported since it was opened
     pub fn wait(&self) -> Result<(), Error> {
         let polled = self.device.poll(wgpu::PollType::wait_indefinitely());
-        if let Err(e) = polled {
-            return Err(device(format!("{}: {}", self.name, one_line(&e))));
-        }
+        polled.map_err(|e| self.problem(&one_line(&e)))?;
         self.check()
+    }
+
+    /// Makes known what is done, without waiting.
+    ///
+    /// Errors: what the device reported since it was opened
+    pub fn poll(&self) -> Result<(), Error> {
+        let polled = self.device.poll(wgpu::PollType::Poll);
+        polled.map_err(|e| self.problem(&one_line(&e)))?;
+        self.check()
+    }
+
+    /// An error of this device.
+    pub(super) fn problem(&self, text: &str) -> Error {
+        device(format!("{}: {text}", self.name))
     }
 
     /// Errors: the first thing that went wrong on the device
     pub fn check(&self) -> Result<(), Error> {
         match &*self.problem.lock().unwrap_or_else(PoisonError::into_inner) {
             None => Ok(()),
-            Some(problem) => Err(device(format!("{}: {problem}", self.name))),
+            Some(problem) => Err(self.problem(problem)),
         }
     }
 
@@ -334,13 +403,26 @@ impl Gpu {
         Recorder::new(self, scene)
     }
 
+    /// Records between the commands of an encoder that someone else submits later.
+    ///
+    /// Several recordings may wait for one submission, and several submissions may run at a time:
+    /// each has uniforms of its own until it is done.
+    pub fn record_into<'g, T>(
+        &'g self,
+        encoder: &'g mut wgpu::CommandEncoder,
+        scene: Option<&'g wgpu::BindGroup>,
+        work: impl FnOnce(&mut Recorder<'g>) -> T,
+    ) -> T {
+        Recorder::lend(self, encoder, scene, work)
+    }
+
     pub(super) fn take_arena(&self) -> Arena {
         let kept = self.arenas.lock().unwrap_or_else(PoisonError::into_inner).pop();
         kept.unwrap_or_else(|| Arena::new(self))
     }
 
-    pub(super) fn return_arena(&self, arena: Arena) {
-        self.arenas.lock().unwrap_or_else(PoisonError::into_inner).push(arena);
+    pub(super) fn arenas(&self) -> Arc<Mutex<Vec<Arena>>> {
+        self.arenas.clone()
     }
 
     /// The pipeline of a kernel, built when it is first asked for.

@@ -9,7 +9,14 @@ pub enum Access {
     Read,
     /// A list that is written, and may be read.
     Write,
+    /// A texture of floats that is read texel by texel; its format need not be filterable.
+    Texture,
+    /// A texture that is written: `rgba16float`, see [`STORE_FORMAT`].
+    Store,
 }
+
+/// Format of the textures that kernels write.
+pub const STORE_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
 
 /// One binding of a kernel; its position in [`KernelInfo::ports`] is its binding index in group 0.
 #[derive(Clone, Copy, Debug)]
@@ -18,7 +25,7 @@ pub struct Port {
     pub name: &'static str,
     /// How it is used.
     pub access: Access,
-    /// Bytes of one record.
+    /// Bytes of one record; no matter for textures.
     pub size: usize,
     /// Its fields, see [`Record`](super::Record).
     pub fields: &'static [(&'static str, usize)],
@@ -73,20 +80,29 @@ pub trait Kernel {
 /// `kernel! { struct Name = "room/file", [64, 1, 1], scene, [CONSTANTS]; uniform params:
 /// Params, shared info: Info, read items: Item, write sums: f32 }`; `scene` and the constants may
 /// be left out. A `uniform` is a value of the submission, `shared` the one record of a buffer,
-/// bound as a uniform too.
+/// bound as a uniform too. `texture normals: [f32; 4]` and `store target: [f32; 4]` are textures
+/// that are read and written.
 macro_rules! kernel {
     (@access uniform) => { $crate::gpu::Access::Uniform };
     (@access shared) => { $crate::gpu::Access::Uniform };
     (@access read) => { $crate::gpu::Access::Read };
     (@access write) => { $crate::gpu::Access::Write };
+    (@access texture) => { $crate::gpu::Access::Texture };
+    (@access store) => { $crate::gpu::Access::Store };
     (@type uniform, $type:ty, $life:lifetime) => { $crate::gpu::Uniform<$type> };
     (@type shared, $type:ty, $life:lifetime) => { &$life $crate::gpu::Buf<$type> };
     (@type read, $type:ty, $life:lifetime) => { &$life $crate::gpu::Buf<$type> };
     (@type write, $type:ty, $life:lifetime) => { &$life $crate::gpu::Buf<$type> };
+    (@type texture, $type:ty, $life:lifetime) => { &$life wgpu::TextureView };
+    (@type store, $type:ty, $life:lifetime) => { &$life wgpu::TextureView };
     (@bind uniform, $value:expr, $uniforms:ident) => { $value.binding($uniforms) };
     (@bind shared, $value:expr, $uniforms:ident) => { $value.raw().as_entire_binding() };
     (@bind read, $value:expr, $uniforms:ident) => { $value.raw().as_entire_binding() };
     (@bind write, $value:expr, $uniforms:ident) => { $value.raw().as_entire_binding() };
+    (@bind texture, $value:expr, $uniforms:ident) => {
+        wgpu::BindingResource::TextureView($value)
+    };
+    (@bind store, $value:expr, $uniforms:ident) => { wgpu::BindingResource::TextureView($value) };
     (@scene) => { false };
     (@scene scene) => { true };
     ($(#[$meta:meta])* $vis:vis struct $name:ident = $shader:literal, [$x:expr, $y:expr, $z:expr]
@@ -152,17 +168,35 @@ impl KernelInfo {
         let entry = |(i, port): (usize, &Port)| wgpu::BindGroupLayoutEntry {
             binding: i as u32,
             visibility: wgpu::ShaderStages::COMPUTE,
-            ty: wgpu::BindingType::Buffer {
-                ty: match port.access {
-                    Access::Uniform => wgpu::BufferBindingType::Uniform,
-                    Access::Read => wgpu::BufferBindingType::Storage { read_only: true },
-                    Access::Write => wgpu::BufferBindingType::Storage { read_only: false },
-                },
-                has_dynamic_offset: false,
-                min_binding_size: None,
-            },
+            ty: port.access.binding_type(),
             count: None,
         };
         self.ports.iter().enumerate().map(entry).collect()
+    }
+}
+
+impl Access {
+    fn binding_type(self) -> wgpu::BindingType {
+        let buffer = |ty| wgpu::BindingType::Buffer {
+            ty,
+            has_dynamic_offset: false,
+            min_binding_size: None,
+        };
+        let view_dimension = wgpu::TextureViewDimension::D2;
+        match self {
+            Self::Uniform => buffer(wgpu::BufferBindingType::Uniform),
+            Self::Read => buffer(wgpu::BufferBindingType::Storage { read_only: true }),
+            Self::Write => buffer(wgpu::BufferBindingType::Storage { read_only: false }),
+            Self::Texture => wgpu::BindingType::Texture {
+                sample_type: wgpu::TextureSampleType::Float { filterable: false },
+                view_dimension,
+                multisampled: false,
+            },
+            Self::Store => wgpu::BindingType::StorageTexture {
+                access: wgpu::StorageTextureAccess::WriteOnly,
+                format: STORE_FORMAT,
+                view_dimension,
+            },
+        }
     }
 }

@@ -9,6 +9,7 @@
 mod buffer;
 mod device;
 mod kernel;
+mod later;
 mod linker;
 mod recorder;
 pub mod scan;
@@ -21,7 +22,9 @@ pub(crate) use buffer::record;
 pub use buffer::{Buf, Record};
 pub use device::{AdapterDescription, Gpu, GpuOptions, describe_adapters};
 pub(crate) use kernel::kernel;
-pub use kernel::{Access, Constant, Kernel, KernelInfo, Port, Value};
+pub use kernel::{Access, Constant, Kernel, KernelInfo, Port, STORE_FORMAT, Value};
+pub(crate) use later::take_record;
+pub use later::{Arrival, Later};
 pub use linker::link;
 pub use recorder::{Recorder, Uniform};
 pub use shaders::SHADERS;

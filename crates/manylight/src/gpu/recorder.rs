@@ -4,6 +4,7 @@ use super::timer::Timer;
 use super::{Buf, Gpu, Kernel, MAX_GROUPS, Record, StageTime};
 use crate::error::Error;
 use std::marker::PhantomData;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Bytes from one uniform to the next: the largest alignment a device may ask for.
 const UNIFORM_STRIDE: usize = 256;
@@ -55,11 +56,33 @@ impl Arena {
     }
 }
 
+/// An arena that goes back to its shelf when nobody needs what is in it.
+#[derive(Debug)]
+struct Loan {
+    arena: Option<Arena>,
+    shelf: Arc<Mutex<Vec<Arena>>>,
+}
+
+impl Drop for Loan {
+    fn drop(&mut self) {
+        self.shelf.lock().unwrap_or_else(PoisonError::into_inner).extend(self.arena.take());
+    }
+}
+
+/// Where commands go.
+#[derive(Debug)]
+enum Commands<'g> {
+    /// Into a submission of their own.
+    Own(wgpu::CommandEncoder),
+    /// Among those of someone who submits them later.
+    Lent(&'g mut wgpu::CommandEncoder),
+}
+
 /// Records dispatches into one submission.
 #[derive(Debug)]
 pub struct Recorder<'g> {
     gpu: &'g Gpu,
-    encoder: wgpu::CommandEncoder,
+    commands: Commands<'g>,
     pass: Option<wgpu::ComputePass<'static>>,
     scene: Option<&'g wgpu::BindGroup>,
     arena: Arena,
@@ -74,7 +97,27 @@ impl<'g> Recorder<'g> {
         if let Some(timer) = &mut arena.timer {
             timer.clear();
         }
-        Self { gpu, encoder, pass: None, scene, arena, uniforms: Vec::new() }
+        let commands = Commands::Own(encoder);
+        Self { gpu, commands, pass: None, scene, arena, uniforms: Vec::new() }
+    }
+
+    /// Records between the commands of someone who submits them later.
+    pub(super) fn lend<T>(
+        gpu: &'g Gpu,
+        encoder: &'g mut wgpu::CommandEncoder,
+        scene: Option<&'g wgpu::BindGroup>,
+        work: impl FnOnce(&mut Self) -> T,
+    ) -> T {
+        let (commands, arena) = (Commands::Lent(encoder), gpu.take_arena());
+        let mut rec = Self { gpu, commands, pass: None, scene, arena, uniforms: Vec::new() };
+        let result = work(&mut rec);
+        rec.write_uniforms();
+        rec.pass = None;
+        let Self { mut commands, arena, .. } = rec;
+        // Nobody else writes its uniforms before these commands have run, or were dropped.
+        let loan = Loan { arena: Some(arena), shelf: gpu.arenas() };
+        commands.encoder().on_submitted_work_done(move || drop(loan));
+        result
     }
 
     /// The device.
@@ -85,9 +128,18 @@ impl<'g> Recorder<'g> {
     /// Begins a stage: what follows is timed under this name.
     pub fn stage(&mut self, name: &'static str) {
         self.pass = None;
-        let timestamp_writes = self.arena.timer.as_mut().and_then(|t| t.next(name));
+        // Someone else's commands are timed by whom they belong to.
+        let timer = self.arena.timer.as_mut().filter(|_| matches!(self.commands, Commands::Own(_)));
+        let timestamp_writes = timer.and_then(|t| t.next(name));
         let descriptor = wgpu::ComputePassDescriptor { label: Some(name), timestamp_writes };
-        self.pass = Some(self.encoder.begin_compute_pass(&descriptor).forget_lifetime());
+        let encoder = self.commands.encoder();
+        self.pass = Some(encoder.begin_compute_pass(&descriptor).forget_lifetime());
+    }
+
+    /// The commands, between passes.
+    pub(super) fn encoder(&mut self) -> &mut wgpu::CommandEncoder {
+        self.pass = None;
+        self.commands.encoder()
     }
 
     /// A uniform of this submission.
@@ -155,24 +207,40 @@ impl<'g> Recorder<'g> {
 
     /// Copies records from one buffer to the start of another.
     pub fn copy<T: Record>(&mut self, from: &Buf<T>, first: usize, to: &Buf<T>, count: usize) {
-        self.pass = None;
         let size = size_of::<T>() as u64;
         let (start, bytes) = (first as u64 * size, count as u64 * size);
-        self.encoder.copy_buffer_to_buffer(from.raw(), start, to.raw(), 0, bytes);
+        self.encoder().copy_buffer_to_buffer(from.raw(), start, to.raw(), 0, bytes);
     }
 
     /// Hands the work to the device.
     pub fn submit(self) -> Submitted<'g> {
-        let Self { gpu, mut encoder, pass, arena, uniforms, .. } = self;
+        self.write_uniforms();
+        let Self { gpu, commands, pass, arena, .. } = self;
         drop(pass);
-        if let Some(timer) = &arena.timer {
-            timer.resolve(&mut encoder);
+        if let Commands::Own(mut encoder) = commands {
+            if let Some(timer) = &arena.timer {
+                timer.resolve(&mut encoder);
+            }
+            gpu.queue().submit([encoder.finish()]);
         }
-        if !uniforms.is_empty() {
-            gpu.queue().write_buffer(&arena.uniforms, 0, &uniforms);
+        // Later writes to it come after this submission.
+        Submitted { gpu, loan: Loan { arena: Some(arena), shelf: gpu.arenas() } }
+    }
+
+    /// Before whatever is submitted next.
+    fn write_uniforms(&self) {
+        if !self.uniforms.is_empty() {
+            self.gpu.queue().write_buffer(&self.arena.uniforms, 0, &self.uniforms);
         }
-        gpu.queue().submit([encoder.finish()]);
-        Submitted { gpu, arena: Some(arena) }
+    }
+}
+
+impl Commands<'_> {
+    fn encoder(&mut self) -> &mut wgpu::CommandEncoder {
+        match self {
+            Self::Own(encoder) => encoder,
+            Self::Lent(encoder) => encoder,
+        }
     }
 }
 
@@ -180,7 +248,7 @@ impl<'g> Recorder<'g> {
 #[derive(Debug)]
 pub struct Submitted<'g> {
     gpu: &'g Gpu,
-    arena: Option<Arena>,
+    loan: Loan,
 }
 
 impl Submitted<'_> {
@@ -189,16 +257,7 @@ impl Submitted<'_> {
     /// Errors: what the device reported
     pub fn wait(self) -> Result<Vec<StageTime>, Error> {
         self.gpu.wait()?;
-        let timer = self.arena.as_ref().and_then(|arena| arena.timer.as_ref());
+        let timer = self.loan.arena.as_ref().and_then(|arena| arena.timer.as_ref());
         timer.map_or(Ok(Vec::new()), |timer| timer.read(self.gpu))
-    }
-}
-
-impl Drop for Submitted<'_> {
-    fn drop(&mut self) {
-        // Later writes to it come after this submission.
-        if let Some(arena) = self.arena.take() {
-            self.gpu.return_arena(arena);
-        }
     }
 }

@@ -58,7 +58,8 @@ pub(crate) fn check_kernel(kernel: &KernelInfo) {
         check_port(name, port, variable, &module, &layouter);
     }
     assert!(shared <= 16_384, "{name} takes {shared} bytes of workgroup memory");
-    let lists = kernel.ports.iter().filter(|p| p.access != Access::Uniform).count();
+    let is_list = |p: &&super::Port| matches!(p.access, Access::Read | Access::Write);
+    let lists = kernel.ports.iter().filter(is_list).count();
     let scene_lists = if kernel.scene { 4 } else { 0 };
     assert!(lists + scene_lists <= 8, "{name} binds {} lists", lists + scene_lists);
     let bound = module.global_variables.iter().filter_map(|(_, v)| v.binding.as_ref());
@@ -73,6 +74,20 @@ fn check_port(
     module: &naga::Module,
     layouter: &naga::proc::Layouter,
 ) {
+    if let naga::TypeInner::Image { dim, arrayed, class } = module.types[variable.ty].inner {
+        let flat = dim == naga::ImageDimension::D2 && !arrayed;
+        assert!(flat, "{name}: {} has more than two dimensions", port.name);
+        let store = naga::ImageClass::Storage {
+            format: naga::StorageFormat::Rgba16Float,
+            access: naga::StorageAccess::STORE,
+        };
+        let sampled = naga::ImageClass::Sampled { kind: naga::ScalarKind::Float, multi: false };
+        let expected = if port.access == Access::Store { store } else { sampled };
+        assert_eq!(class, expected, "{name}: texture {}", port.name);
+        let is_texture = matches!(port.access, Access::Texture | Access::Store);
+        assert!(is_texture, "{name}: access of {}", port.name);
+        return;
+    }
     let access = match variable.space {
         naga::AddressSpace::Uniform => Access::Uniform,
         naga::AddressSpace::Storage { access } if access.contains(naga::StorageAccess::STORE) => {

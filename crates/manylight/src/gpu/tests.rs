@@ -1,5 +1,6 @@
 use super::scan::Scan;
 use super::testing::device;
+use super::{Arrival, Gpu};
 use crate::math::hash_u32;
 
 #[test]
@@ -41,4 +42,43 @@ fn says_which_device() {
     if let Some(gpu) = device() {
         println!("tests of the graphics device run on {}", gpu.name());
     }
+}
+
+#[test]
+fn records_come_back_when_their_commands_are_done() {
+    let Some(gpu) = device() else { return };
+    let buffers = [gpu.upload("a", &[1u32, 2]).expect("a"), gpu.upload("b", &[3u32]).expect("b")];
+    let raw = buffers.each_ref().map(|b| b.raw());
+    let mut encoder = gpu.device().create_command_encoder(&Default::default());
+    let later = gpu.record_into(&mut encoder, None, |rec| rec.read_later(&raw));
+    assert_eq!(later.look(gpu).expect("look"), Arrival::Pending);
+    gpu.queue().submit([encoder.finish()]);
+    gpu.wait().expect("done");
+    let bytes = [1u32, 2, 3].map(u32::to_le_bytes).concat();
+    assert_eq!(later.look(gpu).expect("look"), Arrival::Here(bytes));
+
+    let mut encoder = gpu.device().create_command_encoder(&Default::default());
+    let later = gpu.record_into(&mut encoder, None, |rec| rec.read_later(&raw));
+    drop(encoder);
+    assert_eq!(later.look(gpu).expect("look"), Arrival::Never);
+}
+
+#[test]
+fn what_goes_wrong_on_someone_elses_device_is_a_sentence() {
+    let Some(opened) = device() else { return };
+    let (raw, queue) = (opened.device().clone(), opened.queue().clone());
+    let gpu = Gpu::from_device(raw, queue, "theirs".to_owned()).expect("device");
+    let invalid = gpu.guard(|| {
+        // A uniform cannot be mapped.
+        let _ = gpu.device().create_buffer(&wgpu::BufferDescriptor {
+            label: None,
+            size: 4,
+            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::MAP_READ,
+            mapped_at_creation: false,
+        });
+        Ok(())
+    });
+    let problem = invalid.expect_err("invalid").to_string();
+    assert!(problem.contains("theirs: ") && problem.lines().count() == 1, "{problem}");
+    gpu.guard(|| Ok(())).expect("nothing is left of it");
 }

@@ -10,7 +10,7 @@ mod warp;
 pub use discrete::Discrete;
 pub use frame::tangent_frame;
 pub use sequence::{Sequence, hash_u32, morton_2d, unit_f32};
-pub use warp::{cosine_hemisphere, uniform_cone, uniform_sphere, uniform_triangle};
+pub use warp::{cosine_hemisphere, sin_cos_turns, uniform_cone, uniform_sphere, uniform_triangle};
 
 use glam::Vec3;
 

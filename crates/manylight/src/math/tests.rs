@@ -99,3 +99,14 @@ fn tangent_frame_is_orthonormal_everywhere() {
     }
     assert!(tangent_frame(-Vec3::Z).0.is_finite());
 }
+
+#[test]
+fn turns_are_sines_and_cosines() {
+    for i in 0..=4096 {
+        let turns = i as f32 / 4096.0;
+        let (sin, cos) = sin_cos_turns(turns);
+        let (true_sin, true_cos) = (f64::from(turns) * std::f64::consts::TAU).sin_cos();
+        assert!((f64::from(sin) - true_sin).abs() < 2e-7, "{turns}: {sin}");
+        assert!((f64::from(cos) - true_cos).abs() < 2e-7, "{turns}: {cos}");
+    }
+}

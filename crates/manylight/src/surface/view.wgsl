@@ -1,4 +1,5 @@
 // Camera rays; twin of ViewFrame.
+import package::math::warp;
 
 struct View {
     position: vec3f,
@@ -25,7 +26,7 @@ fn view_ray(view: View, point: vec2f) -> ViewRay {
     let y = 1.0 - 2.0 * point.y / f32(view.height);
     let offset = view.half_right * x + view.half_up * y;
     if view.perspective != 0u {
-        return ViewRay(view.position, normalize(view.forward + offset));
+        return ViewRay(view.position, unit(view.forward + offset));
     }
     return ViewRay(view.position + offset, view.forward);
 }

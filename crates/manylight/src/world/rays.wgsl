@@ -58,6 +58,8 @@ fn load_groups(node: u32, setup: RaySetup, t_max: f32) -> Groups {
 // the triangles unless it is NONE. With `any` the first hit that is found ends the walk.
 fn walk_tree(ray: Ray, local: Ray, root: u32, first: u32, instance: u32, any: bool) -> Hit {
     var hit = Hit(local.t_max, vec2f(0.0), NO_HIT, 0u);
+    // Of hits at the same distance the one earlier in the builder's list counts.
+    var best = 0u;
     let setup = setup_ray(local);
     var stack: array<vec2u, STACK>;
     var size = 0u;
@@ -86,11 +88,14 @@ fn walk_tree(ray: Ray, local: Ray, root: u32, first: u32, instance: u32, any: bo
             let edge1 = bvh_triangles[at + 1u];
             let edge2 = bvh_triangles[at + 2u];
             let met = intersect_triangle(corner.xyz, edge1.xyz, edge2.xyz, local, hit.t);
-            if met.x > 0.0 {
+            let place = bitcast<u32>(edge2.w) >> 1u;
+            if met.x > 0.0 && (met.x < hit.t || place < best) {
                 let owner = select(instance, bitcast<u32>(corner.w), instance == NONE);
                 let triangle = bitcast<u32>(edge1.w);
-                if bitcast<u32>(edge2.w) != 0u || stops(ray, owner, triangle, met.yz) {
+                let is_opaque = (bitcast<u32>(edge2.w) & 1u) != 0u;
+                if is_opaque || stops(ray, owner, triangle, met.yz) {
                     hit = Hit(met.x, met.yz, owner, triangle);
+                    best = place;
                     if any {
                         return hit;
                     }

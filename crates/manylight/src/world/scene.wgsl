@@ -21,7 +21,8 @@ struct SceneInfo {
 @group(1) @binding(0) var<uniform> scene: SceneInfo;
 // Five to a node.
 @group(1) @binding(1) var<storage, read> bvh_nodes: array<vec4u>;
-// Three to a triangle: corner and instance, edge and triangle, edge and opacity.
+// Three to a triangle: corner and instance, edge and triangle, edge and twice its place in the
+// builder's list, one more if opaque.
 @group(1) @binding(2) var<storage, read> bvh_triangles: array<vec4f>;
 @group(1) @binding(3) var<storage, read> geometry: array<u32>;
 @group(1) @binding(4) var<storage, read> sources: array<u32>;

@@ -4,9 +4,9 @@ use super::buffers::Buffers;
 use crate::error::Error;
 use crate::gather::grid::DETAIL;
 use crate::gather::grid::gpu::{
-    GatherInput, GatherOut, GpuGrid, GridBuild, GridCapacity, GridInfo, GridRules,
+    GatherInput, GatherOut, GatherStats, GpuGrid, GridBuild, GridCapacity, GridInfo, GridRules,
 };
-use crate::gpu::{Gpu, Recorder};
+use crate::gpu::{Gpu, Recorder, take_record};
 use crate::settings::{MAX_LEVELS, Method, Settings};
 use crate::vlight::vpl::gpu::{EmitterTracer, GpuVpls, VplInfo, VplTracer};
 
@@ -27,6 +27,14 @@ pub(super) struct Gathered {
     pub out: GatherOut,
     /// Most levels, where more would make too many grid lights.
     level_cap: u32,
+}
+
+/// What a frame would have needed of a set, and what it found.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Needs {
+    vpls: VplInfo,
+    grid: GridInfo,
+    pub gather: GatherStats,
 }
 
 /// A set of virtual lights of a frame.
@@ -115,11 +123,39 @@ impl Lights {
         Ok((self.grid_lights > 0).then_some(reach.alpha))
     }
 
-    /// Looks at what the frame would have needed, and makes room for it; whether it lacked any.
+    /// The records that tell what a frame would have needed; one record each.
+    pub fn needs_records(&self) -> Vec<&wgpu::Buffer> {
+        let gathered = self.gathered.iter();
+        let gathered = gathered.flat_map(|g| [g.grid.info.raw(), g.out.stats.raw()]);
+        [self.vpls.info.raw()].into_iter().chain(gathered).collect()
+    }
+
+    /// The same, off the front of bytes that came back.
+    pub fn take_needs(&self, bytes: &mut &[u8]) -> Needs {
+        let vpls = take_record(bytes);
+        match self.gathered {
+            None => Needs { vpls, ..Needs::default() },
+            Some(_) => Needs { vpls, grid: take_record(bytes), gather: take_record(bytes) },
+        }
+    }
+
+    /// Waits for what the last frame would have needed.
+    ///
+    /// Errors: what the device reported
+    pub fn read_needs(&self, gpu: &Gpu) -> Result<Needs, Error> {
+        let mut needs = Needs { vpls: gpu.read(&self.vpls.info, 1)?[0], ..Needs::default() };
+        if let Some(gathered) = &self.gathered {
+            needs.grid = gpu.read(&gathered.grid.info, 1)?[0];
+            needs.gather = gpu.read(&gathered.out.stats, 1)?[0];
+        }
+        Ok(needs)
+    }
+
+    /// Makes room for what a frame would have needed; whether it lacked any.
     ///
     /// Errors: more than the device can hold
-    pub fn grow(&mut self, gpu: &Gpu, settings: &Settings) -> Result<bool, Error> {
-        self.info = gpu.read(&self.vpls.info, 1)?[0];
+    pub fn grow(&mut self, gpu: &Gpu, settings: &Settings, needs: &Needs) -> Result<bool, Error> {
+        self.info = needs.vpls;
         let mut lacked = false;
         if let Tracer::Paths(tracer) = &mut self.tracer
             && self.info.missing > 0
@@ -128,9 +164,8 @@ impl Lights {
             lacked = true;
         }
         if let Some(gathered) = &mut self.gathered {
-            let info = gpu.read(&gathered.grid.info, 1)?[0];
-            self.grid_lights = info.light_count;
-            lacked |= gathered.grow(gpu, &info, settings)?;
+            self.grid_lights = needs.grid.light_count;
+            lacked |= gathered.grow(gpu, &needs.grid, settings)?;
         }
         Ok(lacked)
     }

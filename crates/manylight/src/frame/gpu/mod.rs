@@ -7,12 +7,14 @@
 
 mod buffers;
 mod diff;
+mod engine;
 mod lights;
 mod paths;
 
 pub use diff::StageDifference;
+pub use engine::{EngineReceivers, EngineTargets};
 
-use super::{BRUTE_SKY_RAYS, Frame, Progress, Renderer, Stage, check_size};
+use super::{BRUTE_SKY_RAYS, Frame, Progress, Renderer, Stage, check_size, nothing_shines};
 use crate::composite::gpu::{Arriving, GatheredLight};
 use crate::direct::gpu::{SkyRays, record_lights, record_sky};
 use crate::emitter::gpu::{pack, record_background};
@@ -23,6 +25,7 @@ use crate::gpu::{Gpu, Recorder, StageTime};
 use crate::math::{Sequence, hash_u32};
 use crate::settings::{Method, Settings};
 use crate::surface::ViewFrame;
+use crate::surface::gpu::ReceiverTextures;
 use crate::world::gpu::GpuWorld;
 use buffers::Buffers;
 use glam::Vec2;
@@ -38,6 +41,8 @@ pub struct GpuRenderer {
     renderer: Box<Renderer>,
     scene: GpuWorld,
     buffers: Option<Buffers>,
+    /// Frames inside an engine's own.
+    in_flight: engine::InFlight,
 }
 
 /// One picture to be rendered.
@@ -49,6 +54,8 @@ struct Job<'a> {
     sample: u32,
     /// Whether virtual lights and grids of the frame before are kept.
     keeps_lights: bool,
+    /// Receivers that are not traced.
+    given: Option<ReceiverTextures<'a>>,
 }
 
 impl Job<'_> {
@@ -73,8 +80,11 @@ impl GpuRenderer {
     pub fn new(gpu: Gpu, renderer: Renderer) -> Result<Self, (Box<Renderer>, Error)> {
         let renderer = Box::new(renderer);
         let sources = pack(&renderer.world, &renderer.emitters);
-        match GpuWorld::new(&gpu, &renderer.world, &sources) {
-            Ok(scene) => Ok(Self { gpu, renderer, scene, buffers: None }),
+        match gpu.guard(|| GpuWorld::new(&gpu, &renderer.world, &sources)) {
+            Ok(scene) => {
+                let in_flight = engine::InFlight::default();
+                Ok(Self { gpu, renderer, scene, buffers: None, in_flight })
+            }
             Err(reason) => Err((renderer, reason)),
         }
     }
@@ -115,12 +125,12 @@ impl GpuRenderer {
         let view = ViewFrame::new(camera, size[0], size[1]);
         let mut times = Vec::new();
         if settings.method == Method::Path {
-            return self.render_paths(&view, settings, progress);
+            return self.gpu.guard(|| self.render_paths(&view, settings, progress));
         }
         let samples = settings.film.samples;
         for sample in 0..samples {
             progress("frame", f64::from(sample) / f64::from(samples));
-            let job = Job { view: &view, settings, sample, keeps_lights: false };
+            let job = Job { view: &view, settings, sample, keeps_lights: false, given: None };
             add_times(&mut times, self.render_sample(job, progress)?);
         }
         self.finish(settings, times)
@@ -143,7 +153,8 @@ impl GpuRenderer {
         let view = ViewFrame::new(camera, size[0], size[1]);
         let fits = self.buffers.as_ref().is_some_and(|b| b.fits(size, settings));
         let keeps_lights = keeps_lights && fits;
-        self.render_sample(Job { view: &view, settings, sample: 0, keeps_lights }, &|_, _| ())
+        let job = Job { view: &view, settings, sample: 0, keeps_lights, given: None };
+        self.render_sample(job, &|_, _| ())
     }
 
     /// One sample per pixel, again and again until every buffer was large enough.
@@ -153,14 +164,16 @@ impl GpuRenderer {
         progress: Progress<'_>,
     ) -> Result<Vec<StageTime>, Error> {
         let size = [job.view.width, job.view.height];
-        let mut buffers = Buffers::take(self.buffers.take(), self, size, job.settings)?;
+        let kept = self.buffers.take();
+        let mut buffers = self.gpu.guard(|| Buffers::take(kept, self, size, job.settings))?;
         for _ in 0..MOST_TRIES {
             // After a build that lacked room nothing is kept.
-            let times = match job.settings.method {
-                Method::Brute => self.run_brute(&buffers, job, progress)?,
-                _ => self.run_grid(&buffers, job)?,
-            };
-            if !buffers.grow(&self.gpu, job.settings)? {
+            let times = self.gpu.guard(|| match job.settings.method {
+                Method::Brute => self.run_brute(&buffers, job, progress),
+                _ => self.run_grid(&buffers, job),
+            })?;
+            let needs = buffers.read_needs(&self.gpu)?;
+            if !self.gpu.guard(|| buffers.grow(&self.gpu, job.settings, &needs))? {
                 self.buffers = Some(buffers);
                 return Ok(times);
             }
@@ -178,7 +191,7 @@ impl GpuRenderer {
 
     /// The list of stages.
     fn record_frame(&self, rec: &mut Recorder<'_>, buffers: &Buffers, job: Job<'_>) {
-        let Job { settings, view, .. } = job;
+        let Job { settings, .. } = job;
         let (seed, d_min) = (job.seed(), self.renderer.d_min(settings));
         let Buffers { receivers, layers, .. } = buffers;
         self.record_receivers(rec, buffers, job);
@@ -207,6 +220,7 @@ impl GpuRenderer {
             }
             lights.gather(rec, buffers, settings, d_min, seed ^ 4);
         }
+        self.record_guides(rec, buffers, job);
         let gathers = buffers.gathers(settings);
         let noisy: Vec<_> = gathers.iter().filter(|g| g.rays > 0).collect();
         let signals: Vec<_> = noisy
@@ -215,7 +229,6 @@ impl GpuRenderer {
             .collect();
         let smooth = if settings.filter.enabled && !signals.is_empty() {
             rec.stage("filter");
-            buffers.guides.record(rec, receivers, view);
             buffers.filter.record(rec, &buffers.guides, &signals, &settings.filter)
         } else {
             &[]
@@ -231,12 +244,32 @@ impl GpuRenderer {
         layers.finish(rec, receivers);
     }
 
+    /// What tells receivers apart, for all filters; and the first of them, where pixels see parts of
+    /// the lights.
+    fn record_guides(&self, rec: &mut Recorder<'_>, buffers: &Buffers, job: Job<'_>) {
+        let Job { settings, view, .. } = job;
+        let Buffers { receivers, guides, join, .. } = buffers;
+        if settings.filter.enabled || join.is_some() {
+            rec.stage(if join.is_some() { "interleave" } else { "filter" });
+            guides.record(rec, receivers, view);
+        }
+        let Some(join) = join else { return };
+        for lights in buffers.emitted.iter().chain(&buffers.bounced) {
+            let Some(gathered) = &lights.gathered else { continue };
+            let parts = (&gathered.out.unshadowed, &gathered.out.ratio);
+            join.record(rec, guides, receivers, parts, settings.interleave);
+        }
+    }
+
     /// Receivers, what the sky gives to the other pixels, and light from points and suns.
     fn record_receivers(&self, rec: &mut Recorder<'_>, buffers: &Buffers, job: Job<'_>) {
         let (view, offset_px) = (job.view, job.offset_px());
         rec.stage("receivers");
         let normal_maps = job.settings.surface.normal_maps;
-        buffers.receivers.trace(rec, view, offset_px, normal_maps);
+        match &job.given {
+            None => buffers.receivers.trace(rec, view, offset_px, normal_maps),
+            Some(textures) => buffers.receivers.load(rec, textures),
+        }
         record_background(rec, &buffers.receivers, view, offset_px);
         rec.stage("direct");
         record_lights(rec, &buffers.receivers, job.seed(), &buffers.irradiance);

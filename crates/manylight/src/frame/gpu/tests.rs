@@ -30,7 +30,7 @@ fn with_gpu(test: impl FnOnce(Gpu) -> Gpu) {
     }
     let mut kept = GPU.lock().unwrap_or_else(PoisonError::into_inner);
     let options = GpuOptions { base: true, software: true, ..GpuOptions::default() };
-    let gpu = kept.take().map_or_else(|| Gpu::open(&options).expect("a device"), |gpu| gpu);
+    let gpu = kept.take().unwrap_or_else(|| Gpu::open(&options).expect("a device"));
     *kept = Some(test(gpu));
 }
 

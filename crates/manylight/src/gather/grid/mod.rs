@@ -12,6 +12,7 @@ mod contribution;
 mod draw;
 #[cfg(feature = "gpu")]
 pub mod gpu;
+mod interleave;
 mod reach;
 mod record;
 mod sample;

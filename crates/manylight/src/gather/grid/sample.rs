@@ -6,6 +6,7 @@
 //! That is the law of the weighted reservoirs of [LinYuksel19, App. A] (`[Chao82]`) by inversion,
 //! so that the draws of a pixel and of its neighbors can be stratified.
 
+use super::interleave::Tile;
 use super::reach::choose_alpha;
 use super::record::{GridLight, LightingGrid};
 use super::tiles::{Bounds, Shell, TileLight, collect, level_of, narrow, shells};
@@ -23,7 +24,9 @@ use rayon::prelude::*;
 /// Receivers per side of a tile.
 pub const TILE: usize = 8;
 /// Receivers per side of a block, whose tiles share one search of the grid.
-const TILE_BLOCK: usize = 4 * TILE;
+const TILE_BLOCK: usize = BLOCK_TILES * TILE;
+/// Tiles per side of a block, at least as many as interleaved sampling has classes.
+const BLOCK_TILES: usize = 4;
 /// Largest weight of a shadow ray: bounds what one virtual light says about a pixel where it gives
 /// more than its grid light on average, as beside the horizon.
 pub(super) const MOST_WEIGHT: f32 = 2.0;
@@ -99,14 +102,24 @@ impl Job<'_> {
         let mut results = Vec::new();
         let Some(bounds) = self.bounds(x, y, TILE_BLOCK) else { return results };
         collect(self.grid, self.shells, self.settings, &bounds, &mut scratch.wider);
-        for tile_y in (y..(y + TILE_BLOCK).min(self.receivers.height)).step_by(TILE) {
-            for tile_x in (x..(x + TILE_BLOCK).min(self.receivers.width)).step_by(TILE) {
-                let Some(bounds) = self.bounds(tile_x, tile_y, TILE) else { continue };
-                narrow(&scratch.wider, self.shells, &bounds, &mut scratch.list);
-                self.gather_tile([tile_x, tile_y], &mut scratch.list, &mut results);
-            }
+        let side = self.settings.interleave as usize;
+        for i in 0..BLOCK_TILES * BLOCK_TILES {
+            let place = [x / TILE + i % BLOCK_TILES, y / TILE + i / BLOCK_TILES];
+            let tile = Tile::new(place, side);
+            let Some(bounds) = self.bounds_of_tile(&tile) else { continue };
+            let class = tile.class(self.seed);
+            narrow(&scratch.wider, class, self.shells, &bounds, &mut scratch.list);
+            self.gather_tile(&tile, &mut scratch.list, &mut results);
         }
         results
+    }
+
+    /// Bounds of the receivers of a tile.
+    fn bounds_of_tile(&self, tile: &Tile) -> Option<Bounds> {
+        let Receivers { width, height, samples, .. } = self.receivers;
+        let columns = tile.pixels(0, *width);
+        let row = |y| columns.clone().map(move |x| &samples[y * width + x]);
+        Bounds::of(tile.pixels(1, *height).flat_map(row).filter_map(|s| s.surface.as_ref()))
     }
 
     /// Bounds of the receivers in a square of pixels.
@@ -119,20 +132,19 @@ impl Job<'_> {
 
     fn gather_tile(
         &self,
-        [x, y]: [usize; 2],
+        tile: &Tile,
         list: &mut TileList,
         results: &mut Vec<(usize, PixelResult)>,
     ) {
         let width = self.receivers.width;
-        let columns = x..(x + TILE).min(width);
-        for y in y..(y + TILE).min(self.receivers.height) {
-            let mut row = self.start_row(y * width + columns.start, columns.len());
+        for y in tile.pixels(1, self.receivers.height) {
+            let columns = tile.pixels(0, width);
+            let mut row = self.start_row(columns.clone().map(|x| y * width + x));
             list.walk(&mut row, self.d_min * self.d_min);
-            for lane in 0..columns.len() {
-                let index = y * width + columns.start + lane;
+            for (lane, x) in columns.enumerate() {
+                let index = y * width + x;
                 let Some(surface) = &self.receivers.samples[index].surface else { continue };
-                let pixel = [columns.start + lane, y];
-                let shadow_ratio = self.shadow_ratio(pixel, surface, list);
+                let shadow_ratio = self.shadow_ratio([x, y], lane, surface, list);
                 let unshadowed = Vec3::new(row.sum[0][lane], row.sum[1][lane], row.sum[2][lane]);
                 let evals = row.evals[lane] as u32;
                 results.push((index, PixelResult { unshadowed, shadow_ratio, evals }));
@@ -140,11 +152,11 @@ impl Job<'_> {
         }
     }
 
-    fn start_row(&self, first: usize, count: usize) -> Row {
+    fn start_row(&self, pixels: impl Iterator<Item = usize>) -> Row {
         let mut row = Row::default();
-        for (lane, sample) in self.receivers.samples[first..first + count].iter().enumerate() {
+        for (lane, pixel) in pixels.enumerate() {
             // The sums of lanes without surface are never read.
-            let Some(surface) = &sample.surface else { continue };
+            let Some(surface) = &self.receivers.samples[pixel].surface else { continue };
             for axis in 0..3 {
                 row.position[axis][lane] = surface.position[axis];
                 row.normal[axis][lane] = surface.ns[axis];
@@ -154,9 +166,15 @@ impl Job<'_> {
     }
 
     /// Draws and traces the shadow rays of one receiver: their ratio, and what one of them weighs.
-    fn shadow_ratio(&self, pixel: [usize; 2], surface: &SurfacePoint, list: &TileList) -> [f32; 2] {
+    fn shadow_ratio(
+        &self,
+        pixel: [usize; 2],
+        lane: usize,
+        surface: &SurfacePoint,
+        list: &TileList,
+    ) -> [f32; 2] {
         let shadow = &self.settings.shadow;
-        let (lane, d_min_sq) = (pixel[0] % TILE, self.d_min * self.d_min);
+        let d_min_sq = self.d_min * self.d_min;
         let total = list.total_weight(lane);
         if total <= 0.0 {
             return [1.0; 2];

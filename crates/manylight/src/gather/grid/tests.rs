@@ -333,7 +333,7 @@ fn culling_drops_nothing_from(start_level: u32) {
             .collect();
         tiles::collect(&grid, &shells, &settings, &bounds(&receivers), &mut wider);
         for tile in receivers.chunks(4) {
-            tiles::narrow(&wider, &shells, &bounds(tile), &mut list);
+            tiles::narrow(&wider, 0, &shells, &bounds(tile), &mut list);
             let list = list.lights();
             kept += list.len();
             tile.iter().for_each(|s| assert_eq!(sum(&list, s), sum(&all, s)));

@@ -1,6 +1,7 @@
 //! The grid lights that can reach a tile of receivers.
 
 use super::contribution;
+use super::interleave;
 use super::record::{GridLight, Level, LightingGrid};
 use super::walk::TileList;
 use crate::settings::Settings;
@@ -38,6 +39,8 @@ pub(super) struct TileLight {
     /// Level, 0 for a virtual light itself, and index in it.
     pub level: u32,
     pub index: u32,
+    /// Which receivers see it; see [`interleave`].
+    pub class: u32,
 }
 
 /// Distances that bound one level's shell, and its blending.
@@ -122,6 +125,7 @@ impl TileLight {
         let is_point = shell.level == 0 || !settings.grid.spread;
         let normal_spread = if is_point { 0.0 } else { contribution::normal_spread(normal) };
         let is_drawn = shell.level >= settings.shadow.start_level || shell.outer.is_infinite();
+        let scale = interleave::scale(shell.level, settings.interleave);
         Self {
             position: light.position.to_array(),
             normal: normal.to_array(),
@@ -132,12 +136,13 @@ impl TileLight {
             normal_spread_3: 3.0 * normal_spread,
             reach_behind: contribution::reach_behind(normal, normal_spread, variance),
             reach_below: contribution::reach_below(variance),
-            intensity: light.intensity.to_array(),
-            shadow_weight: if is_drawn { light.luminance } else { 0.0 },
+            intensity: (scale * light.intensity).to_array(),
+            shadow_weight: if is_drawn { scale * light.luminance } else { 0.0 },
             rise: shell.rise,
             fall: shell.fall,
             level: shell.level,
             index,
+            class: interleave::class_of(light, shell.level, settings.interleave),
         }
     }
 }
@@ -204,12 +209,21 @@ fn place(grid: &LightingGrid, light: &TileLight) -> (Reverse<u32>, u64) {
     (Reverse(light.level), in_level)
 }
 
-/// Replaces `list` by those of the lights in `wider` that can reach inside narrower bounds.
-pub(super) fn narrow(wider: &[TileLight], shells: &[Shell], bounds: &Bounds, list: &mut TileList) {
+/// Replaces `list` by those of the lights in `wider` that a class of receivers sees and that can
+/// reach inside narrower bounds.
+pub(super) fn narrow(
+    wider: &[TileLight],
+    class: u32,
+    shells: &[Shell],
+    bounds: &Bounds,
+    list: &mut TileList,
+) {
     list.clear();
     let first = shells[0].level;
     let shell = |light: &TileLight| &shells[(light.level - first) as usize];
-    wider.iter().filter(|l| is_in_reach(l, shell(l), bounds)).for_each(|l| list.push(l));
+    let is_of_class = |l: &TileLight| l.class == class || l.class == interleave::EVERY;
+    let is_wanted = |l: &&TileLight| is_of_class(l) && is_in_reach(l, shell(l), bounds);
+    wider.iter().filter(is_wanted).for_each(|l| list.push(l));
 }
 
 /// Whether the shell around a light meets the bounds, any of them lies on its lit side, and it on

@@ -2,6 +2,11 @@
 //!
 //! A plane of 3840 × 2160 pixels fits the smallest binding that a device may allow.
 
+mod textures;
+
+pub use textures::ReceiverTextures;
+pub(crate) use textures::check_texture;
+
 use super::{PixelSample, Receivers, SurfacePoint, ViewFrame};
 use crate::error::Error;
 use crate::gpu::{Buf, Constant, Gpu, Recorder, Value, kernel, record};
@@ -62,7 +67,8 @@ kernel! {
 
 /// Every kernel of this room.
 #[cfg(test)]
-pub(crate) const KERNELS: &[&crate::gpu::KernelInfo] = &[&TraceReceivers::INFO];
+pub(crate) const KERNELS: &[&[&crate::gpu::KernelInfo]] =
+    &[&[&TraceReceivers::INFO], textures::KERNELS];
 
 impl ViewRecord {
     /// A view whose rays start at `offset_px` from a pixel's top left corner.

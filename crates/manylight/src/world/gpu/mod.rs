@@ -27,6 +27,8 @@ const ALPHA_MASK: u32 = 1;
 const ALPHA_BLEND: u32 = 2;
 /// Side of a page of textures, texels; more where an image is larger.
 const PAGE: u32 = 2048;
+/// Name of the list of sources.
+const SOURCES: &str = "light sources";
 
 /// Constants of `scene.wgsl`, `texture.wgsl` and `rays.wgsl`.
 pub const CONSTANTS: &[Constant] = &[
@@ -111,10 +113,10 @@ pub(crate) const KERNELS: &[&crate::gpu::KernelInfo] = &[&Cast::INFO];
 #[derive(Debug)]
 pub struct GpuWorld {
     group: wgpu::BindGroup,
-    _lists: Lists,
+    lists: Lists,
 }
 
-/// What the group binds, held for the account of memory.
+/// What the group binds.
 #[derive(Debug)]
 struct Lists {
     info: Buf<SceneInfo>,
@@ -122,6 +124,7 @@ struct Lists {
     triangles: Buf<[f32; 12]>,
     geometry: Buf<u32>,
     sources: Buf<u32>,
+    textures: wgpu::TextureView,
 }
 
 /// Everything that is copied to the device.
@@ -148,32 +151,46 @@ impl GpuWorld {
             nodes: gpu.upload("nodes of the hierarchy", &packed.nodes)?,
             triangles: gpu.upload("triangles", &packed.triangles)?,
             geometry: gpu.upload("geometry", &packed.geometry)?,
-            sources: gpu.upload("light sources", sources)?,
+            sources: gpu.upload(SOURCES, sources)?,
+            textures: atlas.upload(gpu, &world.scene.images),
         };
-        let textures = atlas.upload(gpu, &world.scene.images);
-        let bindings = [
-            lists.info.raw().as_entire_binding(),
-            lists.nodes.raw().as_entire_binding(),
-            lists.triangles.raw().as_entire_binding(),
-            lists.geometry.raw().as_entire_binding(),
-            lists.sources.raw().as_entire_binding(),
-            wgpu::BindingResource::TextureView(&textures),
-        ];
-        let entries = bindings.into_iter().enumerate();
-        let entries: Vec<_> = entries
-            .map(|(i, resource)| wgpu::BindGroupEntry { binding: i as u32, resource })
-            .collect();
-        let group = gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("scene"),
-            layout: gpu.scene_layout(),
-            entries: &entries,
-        });
-        Ok(Self { group, _lists: lists })
+        Ok(Self { group: lists.group(gpu), lists })
+    }
+
+    /// Takes other sources. What was recorded before keeps those that it was recorded with.
+    ///
+    /// Errors: more than the device can hold in one binding; nothing has changed then
+    pub fn set_sources(&mut self, gpu: &Gpu, sources: &[u32]) -> Result<(), Error> {
+        self.lists.sources = gpu.upload(SOURCES, sources)?;
+        self.group = self.lists.group(gpu);
+        Ok(())
     }
 
     /// Group 1 of kernels that trace rays.
     pub fn group(&self) -> &wgpu::BindGroup {
         &self.group
+    }
+}
+
+impl Lists {
+    fn group(&self, gpu: &Gpu) -> wgpu::BindGroup {
+        let bindings = [
+            self.info.raw().as_entire_binding(),
+            self.nodes.raw().as_entire_binding(),
+            self.triangles.raw().as_entire_binding(),
+            self.geometry.raw().as_entire_binding(),
+            self.sources.raw().as_entire_binding(),
+            wgpu::BindingResource::TextureView(&self.textures),
+        ];
+        let entries = bindings.into_iter().enumerate();
+        let entries: Vec<_> = entries
+            .map(|(i, resource)| wgpu::BindGroupEntry { binding: i as u32, resource })
+            .collect();
+        gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("scene"),
+            layout: gpu.scene_layout(),
+            entries: &entries,
+        })
     }
 }
 
@@ -316,7 +333,7 @@ impl Packed {
         self.triangles.extend(tree.order.iter().map(|&i| {
             let ([a, b, c], id) = triangles[i as usize];
             let (e1, e2) = (b - a, c - a);
-            let ids = [id[0], id[1], u32::from(is_opaque(id))].map(f32::from_bits);
+            let ids = [id[0], id[1], i << 1 | u32::from(is_opaque(id))].map(f32::from_bits);
             let [x, y, z] = [a.extend(ids[0]), e1.extend(ids[1]), e2.extend(ids[2])];
             let mut words = [0.0; 12];
             for (row, v) in words.chunks_exact_mut(4).zip([x, y, z]) {

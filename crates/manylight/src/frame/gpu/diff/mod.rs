@@ -92,7 +92,8 @@ impl GpuRenderer {
         let mut settings = settings.clone();
         settings.film.samples = 1;
         let view = ViewFrame::new(camera, size[0], size[1]);
-        let job = Job { view: &view, settings: &settings, sample: 0, keeps_lights: false };
+        let job =
+            Job { view: &view, settings: &settings, sample: 0, keeps_lights: false, given: None };
         let mut diff = Diff::new(self, job)?;
         diff.run()?;
         Ok(diff.rows)

@@ -1,8 +1,10 @@
 //! How much a gather has room for.
 
 use super::params::{BLOCK_PIXELS, BLOCK_SIDE, CHUNK, GatherStats, Pick, TILES};
+use crate::gather::grid::TILE;
 use crate::gather::grid::reach::ASKED;
 use crate::gpu::{Gpu, MAX_GROUPS};
+use crate::settings::Settings;
 
 /// Room of a gather. Pictures are gathered in bands of blocks, and rays in slices, so that memory
 /// does not grow with the picture.
@@ -33,18 +35,26 @@ impl Default for GatherCapacity {
     }
 }
 
-/// Blocks of a picture, across and down.
-pub(super) fn blocks_of(width: usize, height: usize) -> [usize; 2] {
-    [width.div_ceil(BLOCK_SIDE), height.div_ceil(BLOCK_SIDE)]
+/// Blocks of a picture, across and down; those that interleaved sampling of some side spreads over
+/// the same pixels are complete.
+pub(super) fn blocks_of(width: usize, height: usize, side: usize) -> [usize; 2] {
+    let pixels = BLOCK_SIDE.max(side * TILE);
+    [width, height].map(|size| size.div_ceil(pixels) * pixels / BLOCK_SIDE)
 }
 
 impl GatherCapacity {
     /// Bands as large as the picture and the device allow, and no larger than asked for.
-    pub(super) fn fit(mut self, gpu: &Gpu, width: usize, height: usize, rays: u32) -> Self {
+    pub(super) fn fit(
+        mut self,
+        gpu: &Gpu,
+        width: usize,
+        height: usize,
+        settings: &Settings,
+    ) -> Self {
         let limits = gpu.device().limits();
         let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
-        self.slice_rays = self.slice_rays.min(rays).max(1);
-        let [x, y] = blocks_of(width, height);
+        self.slice_rays = self.slice_rays.min(settings.shadow.rays).max(1);
+        let [x, y] = blocks_of(width, height, settings.interleave as usize);
         let blocks = self.band_blocks.min((x * y) as u32).max(1);
         self.block_chunks = self.block_chunks.max(self.least_chunks.div_ceil(blocks)).max(1);
         // The search for alpha takes a frontier for each receiver that it asks.

@@ -185,7 +185,7 @@ impl Gather {
         settings: &Settings,
         capacity: GatherCapacity,
     ) -> Result<Self, Error> {
-        let capacity = capacity.fit(gpu, width, height, settings.shadow.rays);
+        let capacity = capacity.fit(gpu, width, height, settings);
         let (blocks, chunks) = (capacity.band_blocks as usize, capacity.chunks() as usize);
         let rays = blocks * BLOCK_PIXELS * capacity.slice_rays as usize;
         let has_points = settings.shadow.target == ShadowTarget::Variance;
@@ -238,7 +238,7 @@ impl Gather {
         let params = GatherParams {
             width: self.width as u32,
             height: self.height as u32,
-            blocks_x: blocks_of(self.width, self.height)[0] as u32,
+            blocks_x: blocks_of(self.width, self.height, settings.interleave as usize)[0] as u32,
             frontier_capacity: self.capacity.frontier,
             chunk_capacity: self.capacity.chunks(),
             list_start: self.capacity.band_blocks + 1,
@@ -252,7 +252,7 @@ impl Gather {
 
     /// The bands of the picture.
     pub(super) fn bands(&self, params: &GatherParams) -> Vec<GatherParams> {
-        let [x, y] = blocks_of(self.width, self.height);
+        let [x, y] = blocks_of(self.width, self.height, params.side as usize);
         let (all, most) = ((x * y) as u32, self.capacity.band_blocks);
         let band = |first_block: u32| {
             let block_count = most.min(all - first_block);

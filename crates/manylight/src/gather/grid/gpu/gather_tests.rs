@@ -31,16 +31,16 @@ fn kernels_of_gathering_are_as_declared() {
 const SEED: u32 = 77;
 
 /// A picture's receivers and a hierarchy of lights.
-struct Case {
+pub(super) struct Case {
     world: World,
     receivers: Receivers,
     grid: LightingGrid,
-    settings: Settings,
+    pub settings: Settings,
     d_min: f32,
 }
 
 impl Case {
-    fn new(scene: &str, preset: &str, [width, height]: [usize; 2], lights: u32) -> Self {
+    pub fn new(scene: &str, preset: &str, [width, height]: [usize; 2], lights: u32) -> Self {
         let shot = manylight_scene::load(scene).expect("scene");
         let world = World::new(shot.scene).expect("world");
         let emitters = Emitters::new(&world);
@@ -60,7 +60,7 @@ impl Case {
     }
 
     /// With the alpha that the processor chose: stages are compared from identical inputs.
-    fn with_alpha(mut self) -> Self {
+    pub fn with_alpha(mut self) -> Self {
         self.settings.grid.alpha =
             Some(reach::choose_alpha(&self.grid, &self.receivers, &self.settings));
         self
@@ -106,7 +106,7 @@ impl Case {
 }
 
 /// Everything that one gather of one band left on the device.
-struct Run {
+pub(super) struct Run {
     candidates: Vec<u32>,
     masks: Vec<[u32; 2]>,
     picks: Vec<Pick>,
@@ -120,7 +120,7 @@ struct Run {
 }
 
 /// With enough room.
-fn run(gpu: &Gpu, case: &Case, mut capacity: GatherCapacity) -> Run {
+pub(super) fn run(gpu: &Gpu, case: &Case, mut capacity: GatherCapacity) -> Run {
     loop {
         let run = try_run(gpu, case, capacity);
         match run.capacity.grown(&run.stats) {
@@ -262,7 +262,7 @@ fn lists_are_those_of_the_processor_in_the_same_order() {
                 let Some(bounds) = case.bounds(corner, TILE) else {
                     continue;
                 };
-                narrow(&wider, &shells, &bounds, &mut list);
+                narrow(&wider, 0, &shells, &bounds, &mut list);
                 let expected: Vec<_> = list.lights().iter().map(|l| name(&case.grid, l)).collect();
                 assert_same(&of_tile, &expected, &format!("tile {tile} of block {block}"));
             }
@@ -273,33 +273,30 @@ fn lists_are_those_of_the_processor_in_the_same_order() {
 #[test]
 fn sums_and_ratios_are_those_of_the_processor() {
     let Some(gpu) = device() else { return };
-    for (case, run) in cases(gpu) {
-        let expected = sample::gather(
-            &case.world,
-            &case.receivers,
-            &case.grid,
-            &case.settings,
-            case.d_min,
-            SEED,
-        );
-        assert!(expected.unshadowed.iter().any(|e| e.max_element() > 0.0));
-        let mut same = 0;
-        for (i, sum) in expected.unshadowed.iter().enumerate() {
-            let [x, y, z, evals] = run.unshadowed[i];
-            let error = (Vec3::new(x, y, z) - *sum).abs().max_element();
-            assert!(error <= 1e-4 * sum.max_element() + 1e-9, "pixel {i}: {x} {y} {z} for {sum}");
-            // Where a cosine is zero within rounding, fused arithmetic counts other lights.
-            let near = |count: usize| (evals - count as f32).abs() <= 0.01 * count as f32 + 1.0;
-            let is_near = near(expected.evals[i] as usize);
-            assert!(is_near || near(case.plain_count(i)), "pixel {i}: {evals} lights");
-            let [ratio, trust] = run.ratio[i];
-            let [r, t] = [expected.shadow_ratio[i], expected.trust[i]];
-            same += usize::from((ratio - r).abs() < 1e-3 && (trust - t).abs() < 1e-3 * t + 1e-6);
-        }
-        // A draw at a rounding border, or a ray along an edge, changes one pixel.
-        let pixels = expected.unshadowed.len();
-        assert!(same as f32 >= 0.985 * pixels as f32, "{same} of {pixels} ratios");
+    cases(gpu).iter().for_each(|(case, run)| check_sums(case, run));
+}
+
+/// Holds sums, counts and ratios against those of the processor.
+pub(super) fn check_sums(case: &Case, run: &Run) {
+    let Case { world, receivers, grid, settings, d_min } = case;
+    let expected = sample::gather(world, receivers, grid, settings, *d_min, SEED);
+    assert!(expected.unshadowed.iter().any(|e| e.max_element() > 0.0));
+    let mut same = 0;
+    for (i, sum) in expected.unshadowed.iter().enumerate() {
+        let [x, y, z, evals] = run.unshadowed[i];
+        let error = (Vec3::new(x, y, z) - *sum).abs().max_element();
+        assert!(error <= 1e-4 * sum.max_element() + 1e-9, "pixel {i}: {x} {y} {z} for {sum}");
+        // Where a cosine is zero within rounding, fused arithmetic counts other lights.
+        let near = |count: usize| (evals - count as f32).abs() <= 0.01 * count as f32 + 1.0;
+        let is_near = near(expected.evals[i] as usize);
+        assert!(is_near || near(case.plain_count(i)), "pixel {i}: {evals} lights");
+        let [ratio, trust] = run.ratio[i];
+        let [r, t] = [expected.shadow_ratio[i], expected.trust[i]];
+        same += usize::from((ratio - r).abs() < 1e-3 && (trust - t).abs() < 1e-3 * t + 1e-6);
     }
+    // A draw at a rounding border, or a ray along an edge, changes one pixel.
+    let pixels = expected.unshadowed.len();
+    assert!(same as f32 >= 0.985 * pixels as f32, "{same} of {pixels} ratios");
 }
 
 #[test]
@@ -434,7 +431,7 @@ fn check_target(
 }
 
 /// Alpha alone, without lists and sums.
-fn alpha_of(gpu: &Gpu, case: &Case) -> Reach {
+pub(super) fn alpha_of(gpu: &Gpu, case: &Case) -> Reach {
     let receivers = GpuReceivers::upload(gpu, &case.receivers, |_| Vec3::ZERO).expect("receivers");
     let grid = GpuGrid::upload(gpu, &case.grid).expect("grid");
     let (width, height, settings) = (receivers.width, receivers.height, &case.settings);
@@ -461,7 +458,7 @@ fn the_device_chooses_the_same_alpha() {
 }
 
 /// Bits of everything that a gather gives.
-fn bits(run: &Run) -> Vec<u32> {
+pub(super) fn bits(run: &Run) -> Vec<u32> {
     let sums = run.unshadowed.iter().flatten().chain(run.ratio.iter().flatten());
     sums.map(|v| v.to_bits()).chain([run.reach.alpha.to_bits()]).collect()
 }

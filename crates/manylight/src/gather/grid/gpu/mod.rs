@@ -23,3 +23,5 @@ pub(super) const RECORD_CONSTANTS: &[Constant] =
 
 #[cfg(test)]
 mod gather_tests;
+#[cfg(test)]
+mod interleave_tests;

@@ -1,6 +1,6 @@
 //! What the kernels of a gather share: constants, uniforms and records.
 
-use crate::gather::grid::{TILE, contribution, draw, reach, sample, tiles};
+use crate::gather::grid::{TILE, contribution, draw, interleave, reach, sample, tiles};
 use crate::gpu::{Constant, Value, record};
 use crate::settings::{Settings, ShadowEstimate};
 use crate::shadow::SEGMENT_END;
@@ -67,6 +67,8 @@ pub(super) const CONSTANTS: &[Constant] = &[
     u("BLOCK", super::record::BLOCK as u32),
     u("SUPERBLOCK", super::record::SUPERBLOCK as u32),
     u("MOST_SCANNED", draw::MOST_SCANNED as u32),
+    u("EVERY", interleave::EVERY),
+    u("FIRST_LEVEL", interleave::FIRST_LEVEL),
     u("ASKED", reach::ASKED as u32),
     f("NEARER", tiles::NEARER),
     f("MOST_VARIANCE", tiles::MOST_VARIANCE),
@@ -119,6 +121,12 @@ record! {
         pub d_min_sq: f32,
         /// Whether the search writes its candidates or only counts them.
         pub is_writing: u32,
+        /// Pixels from one receiver of a tile to the next, and classes of lights across and down.
+        pub side: u32,
+        /// Added to the class of every tile.
+        pub first_class: u32,
+        /// Nothing.
+        pub _pad: [u32; 2],
     }
 }
 
@@ -136,6 +144,8 @@ impl GatherParams {
             shadow_start_level: shadow.start_level,
             seed,
             d_min_sq: d_min * d_min,
+            side: settings.interleave,
+            first_class: seed % (settings.interleave * settings.interleave),
             ..Self::default()
         }
     }

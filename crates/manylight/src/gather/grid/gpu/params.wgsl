@@ -17,6 +17,9 @@ struct GatherParams {
     seed: u32,
     d_min_sq: f32,
     is_writing: u32,
+    side: u32,
+    first_class: u32,
+    _pad: vec2u,
 }
 
 struct Pick {
@@ -29,13 +32,30 @@ const NO_PIXEL = 0xffffffffu;
 const TILES = BLOCK_TILES * BLOCK_TILES;
 const BLOCK_PIXELS = TILES * TILE * TILE;
 
+// Place of a block of the band among all of the picture.
+fn block_place(block: u32) -> vec2u {
+    let index = params.first_block + block;
+    return vec2u(index % params.blocks_x, index / params.blocks_x);
+}
+
+// Place of a tile of the band among all of the picture.
+fn tile_place(tile: u32) -> vec2u {
+    let in_block = tile % TILES;
+    return block_place(tile / TILES) * BLOCK_TILES
+        + vec2u(in_block % BLOCK_TILES, in_block / BLOCK_TILES);
+}
+
 // Position of a pixel in the picture, by its tile in the band and its place in the tile.
 fn pixel_position(tile: u32, local: u32) -> vec2u {
-    let block = params.first_block + tile / TILES;
-    let corner = vec2u(block % params.blocks_x, block / params.blocks_x) * BLOCK_TILES;
-    let in_block = tile % TILES;
-    let corner_tile = corner + vec2u(in_block % BLOCK_TILES, in_block / BLOCK_TILES);
-    return corner_tile * TILE + vec2u(local % TILE, local / TILE);
+    let place = tile_place(tile);
+    let corner = place / params.side * (params.side * TILE) + place % params.side;
+    return corner + vec2u(local % TILE, local / TILE) * params.side;
+}
+
+// The lights that a tile sees; twin of Tile::class.
+fn class_of_tile(tile: u32) -> u32 {
+    let place = tile_place(tile) % params.side;
+    return (place.x + params.side * place.y + params.first_class) % (params.side * params.side);
 }
 
 // Index of a pixel in the picture; NO_PIXEL outside.

@@ -25,8 +25,22 @@ import package::gather::grid::gpu::stats;
 var<private> list_start: u32;
 var<private> list_room: u32;
 
+// The block, for is_wanted.
+var<private> own_block: vec2u;
+
 fn is_wanted(level: u32, index: u32, bounds: Bounds) -> bool {
-    return is_in_reach(load_light(level, index), level, bounds);
+    let light = load_light(level, index);
+    return is_seen_by_block(class_of(light, level)) && is_in_reach(light, level, bounds);
+}
+
+// Whether a tile of the block is of the class: where there are more classes than tiles, several
+// blocks cover the same pixels.
+fn is_seen_by_block(class: u32) -> bool {
+    let classes = params.side * params.side;
+    let in_order = (class + classes - params.first_class) % classes;
+    let of_tile = vec2u(in_order % params.side, in_order / params.side);
+    let turns = max(params.side / BLOCK_TILES, 1u);
+    return class == EVERY || all(of_tile / BLOCK_TILES == own_block % turns);
 }
 
 fn keep(place: u32, level: u32, index: u32) {
@@ -56,6 +70,7 @@ fn main(
     @builtin(local_invocation_index) local: u32,
 ) {
     let block = group.x;
+    own_block = block_place(block);
     let is_writing = params.is_writing != 0u;
     list_start = 0u;
     list_room = 0u;

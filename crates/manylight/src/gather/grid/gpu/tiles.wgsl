@@ -72,7 +72,26 @@ fn spread_of_normals(light: GridLight, level: u32) -> f32 {
     return select(normal_spread(light.normal), 0.0, is_point);
 }
 
+// Which receivers see a light; twin of class_of in interleave.rs.
+fn class_of(light: GridLight, level: u32) -> u32 {
+    if level < FIRST_LEVEL {
+        return EVERY;
+    }
+    let x = light.vertex_xy & 0xffffu;
+    let y = light.vertex_xy >> 16u;
+    let z = light.vertex_z_lobe & 0xffffu;
+    let lobe = light.vertex_z_lobe >> 16u;
+    let side = params.side;
+    return (x + side * y + (2u * side - 1u) * z + (2u * side + 1u) * lobe) % (side * side);
+}
+
+fn is_of_class(light: GridLight, level: u32, class: u32) -> bool {
+    let own = class_of(light, level);
+    return own == class || own == EVERY;
+}
+
 fn tile_light(light: GridLight, level: u32) -> TileLight {
+    let scale = select(1.0, f32(params.side * params.side), level >= FIRST_LEVEL);
     let shell = shells[level];
     let total_variance = light.variance.x + light.variance.y + light.variance.z;
     let is_drawn = level >= params.shadow_start_level || level == info.level_count;
@@ -83,11 +102,11 @@ fn tile_light(light: GridLight, level: u32) -> TileLight {
         FAR * total_variance,
         4.0 * light.variance,
         NEARER * total_variance,
-        light.intensity,
+        scale * light.intensity,
         3.0 * spread_of_normals(light, level),
         shell.rise,
         shell.fall,
-        select(0.0, light.luminance, is_drawn),
+        select(0.0, scale * light.luminance, is_drawn),
     );
 }
 

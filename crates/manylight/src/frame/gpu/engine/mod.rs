@@ -1,0 +1,233 @@
+//! A frame inside an engine's own: its device, its commands, its textures.
+//!
+//! In: camera, [`Settings`], [`EngineReceivers`] · Out: [`EngineTargets`], filled
+//! Nothing is submitted, waited for or read back on the way. What a frame would have needed comes
+//! back by itself; where a buffer was too small it grows, and the frames after it lack nothing.
+
+use super::{Buffers, GpuRenderer, Job, Renderer, check_size, nothing_shines};
+use crate::composite::store::record_store;
+use crate::emitter::Emitters;
+use crate::emitter::gpu::pack;
+use crate::error::Error;
+use crate::gpu::{Arrival, Gpu, Later, Recorder, STORE_FORMAT};
+use crate::settings::{FilmSettings, Method, Settings};
+use crate::surface::ViewFrame;
+use crate::surface::gpu::{ReceiverTextures, check_texture};
+use manylight_scene::{Camera, Light, Sky};
+use std::mem::{swap, take};
+use std::sync::Arc;
+
+/// Which points of the scene are lit: one for every pixel.
+#[derive(Clone, Copy, Debug)]
+pub enum EngineReceivers<'a> {
+    /// What rays through the centers of the pixels find.
+    Traced,
+    /// What the engine has drawn.
+    Textures(ReceiverTextures<'a>),
+}
+
+/// Where the light goes: textures of one size and of format [`STORE_FORMAT`] that may be bound for
+/// storage. The size of the first is that of the picture; row 0 is at the top.
+#[derive(Clone, Copy, Debug)]
+pub struct EngineTargets<'a> {
+    /// Direct and indirect light and emission, W·m⁻²·sr⁻¹; the fourth is 1.
+    pub composite: &'a wgpu::TextureView,
+    /// Indirect light alone, W·m⁻²·sr⁻¹; the fourth is its shadow ratio.
+    pub indirect: Option<&'a wgpu::TextureView>,
+    /// Indirect irradiance without visibility, W·m⁻², and its shadow ratio, for engines that
+    /// reflect it themselves: albedo/π · irradiance · ratio is the indirect light.
+    pub irradiance: Option<&'a wgpu::TextureView>,
+}
+
+/// Frames that have been recorded, and not been looked at since.
+#[derive(Debug, Default)]
+pub(super) struct InFlight {
+    frames: Vec<Recorded>,
+    /// Whether one that was looked at lacked room.
+    lacked: bool,
+}
+
+/// A frame that has been recorded.
+#[derive(Debug)]
+struct Recorded {
+    needs: Later,
+    /// That of the buffers it was recorded with.
+    generation: Arc<()>,
+    settings: Settings,
+}
+
+impl GpuRenderer {
+    /// Records a frame between the commands of an engine, one sample a pixel.
+    ///
+    /// `frame_seed` stands in the place of [`Settings::seed`]: one for each frame gives each its
+    /// own noise. Any number of frames may be recorded before one is submitted, and be under way at
+    /// a time; each finds camera, settings and lights as they were when it was recorded. They share
+    /// everything that they work on, so they have to be submitted in one order to one queue, which
+    /// is that of [`Gpu::queue`].
+    ///
+    /// Errors: a setting outside its range, the methods `brute` and `path`, textures that do not fit,
+    /// more than the device can hold. After an error the encoder may hold part of a frame, which
+    /// does no harm but gives no light
+    pub fn record_into(
+        &mut self,
+        encoder: &mut wgpu::CommandEncoder,
+        camera: &Camera,
+        settings: &Settings,
+        frame_seed: u32,
+        receivers: EngineReceivers<'_>,
+        targets: &EngineTargets<'_>,
+    ) -> Result<(), Error> {
+        settings.validate()?;
+        check_method(settings.method)?;
+        let size = targets.check()?;
+        check_size(size)?;
+        let given = match receivers {
+            EngineReceivers::Traced => None,
+            EngineReceivers::Textures(textures) => Some(textures),
+        };
+        given.as_ref().map_or(Ok(()), |textures| textures.check(size))?;
+        self.look_at_frames()?;
+        let film = FilmSettings { samples: 1, ..settings.film.clone() };
+        let settings = Settings { seed: frame_seed, film, ..settings.clone() };
+        let view = ViewFrame::new(camera, size[0], size[1]);
+        let job = Job { view: &view, settings: &settings, sample: 0, keeps_lights: false, given };
+        let kept = self.buffers.take();
+        let (buffers, needs) = self.gpu.guard(|| {
+            let buffers = Buffers::take(kept, self, size, &settings)?;
+            let needs = self.gpu.record_into(encoder, Some(self.scene.group()), |rec| {
+                self.record_frame(rec, &buffers, job);
+                targets.store(rec, &buffers);
+                buffers.record_needs(rec)
+            });
+            Ok((buffers, needs))
+        })?;
+        let generation = buffers.generation().clone();
+        self.in_flight.frames.push(Recorded { needs, generation, settings });
+        self.buffers = Some(buffers);
+        Ok(())
+    }
+
+    /// Looks at the frames that are done, without waiting, and makes room for what they lacked.
+    /// Whether one of them lacked any since this was asked last, or had been recorded before the
+    /// last change of the buffers: then light or shadows may be missing from its picture, and frames
+    /// recorded from now on do better.
+    ///
+    /// To be called after a submission, or not at all: [`GpuRenderer::record_into`] looks too.
+    /// Polls the device, so that callbacks of the engine may run.
+    ///
+    /// Errors: what the device reported, more than it can hold
+    pub fn after_submit(&mut self) -> Result<bool, Error> {
+        self.look_at_frames()?;
+        Ok(take(&mut self.in_flight.lacked))
+    }
+
+    fn look_at_frames(&mut self) -> Result<(), Error> {
+        let Self { gpu, buffers, in_flight, .. } = self;
+        gpu.poll()?;
+        let mut open = Vec::new();
+        for frame in take(&mut in_flight.frames) {
+            match frame.needs.look(gpu)? {
+                Arrival::Pending => open.push(frame),
+                Arrival::Here(bytes) => in_flight.lacked |= frame.grow(gpu, buffers, &bytes)?,
+                Arrival::Never => {}
+            }
+        }
+        in_flight.frames = open;
+        Ok(())
+    }
+
+    /// Takes other sun, point and spot lights and another sky; emissive materials stay what they
+    /// are. For frames recorded from now on.
+    ///
+    /// Errors: nothing in the scene would shine, or more than the device can hold; nothing has
+    /// changed then
+    /// Cost:   O(lights + texels of the sky + emissive triangles); no hierarchy is built
+    pub fn set_lights(
+        &mut self,
+        mut lights: Vec<Light>,
+        mut sky: Option<Sky>,
+    ) -> Result<(), Error> {
+        let Self { gpu, renderer, scene, .. } = self;
+        let Renderer { world, emitters } = &mut **renderer;
+        swap(&mut world.scene.lights, &mut lights);
+        swap(&mut world.scene.sky, &mut sky);
+        let relit = Emitters::with_surface(world, emitters.surface.clone());
+        let done = match relit.is_dark() {
+            true => Err(nothing_shines(&world.scene.name)),
+            false => gpu.guard(|| scene.set_sources(gpu, &pack(world, &relit))),
+        };
+        match done {
+            Ok(()) => *emitters = relit,
+            Err(_) => {
+                swap(&mut world.scene.lights, &mut lights);
+                swap(&mut world.scene.sky, &mut sky);
+            }
+        }
+        done
+    }
+}
+
+impl Recorded {
+    /// Makes room for what the frame lacked; whether it may have lacked any.
+    fn grow(self, gpu: &Gpu, buffers: &mut Option<Buffers>, bytes: &[u8]) -> Result<bool, Error> {
+        // Others than those it was recorded with have grown, or serve other frames.
+        let own = buffers.as_mut().filter(|b| Arc::ptr_eq(b.generation(), &self.generation));
+        let Some(buffers) = own else { return Ok(true) };
+        let needs = buffers.parse_needs(bytes);
+        gpu.guard(|| buffers.grow(gpu, &self.settings, &needs))
+    }
+}
+
+impl EngineTargets<'_> {
+    /// The size of the picture.
+    ///
+    /// Errors: a texture that cannot take it
+    fn check(&self) -> Result<[usize; 2], Error> {
+        let texture = self.composite.texture();
+        let size = [texture.width() as usize, texture.height() as usize];
+        let all = [
+            ("composite", Some(self.composite)),
+            ("indirect light", self.indirect),
+            ("irradiance", self.irradiance),
+        ];
+        let usage = wgpu::TextureUsages::STORAGE_BINDING;
+        for (name, view) in all {
+            let check = |view| check_texture(name, view, size, usage, Some(STORE_FORMAT));
+            view.map_or(Ok(()), check)?;
+        }
+        Ok(size)
+    }
+
+    fn store(&self, rec: &mut Recorder<'_>, buffers: &Buffers) {
+        let layers = &buffers.layers;
+        let size = [layers.width, layers.height];
+        rec.stage("store");
+        record_store(rec, size, [&layers.beauty, &layers.beauty], self.composite);
+        if let Some(indirect) = self.indirect {
+            record_store(rec, size, [&layers.indirect, &layers.indirect], indirect);
+        }
+        if let Some(irradiance) = self.irradiance {
+            let gathered = buffers.bounced.as_ref().and_then(|lights| lights.gathered.as_ref());
+            // Without bounced light there is no indirect light of any kind.
+            let unshadowed = gathered.map_or(&layers.unshadowed, |g| &g.out.unshadowed);
+            record_store(rec, size, [unshadowed, &layers.indirect], irradiance);
+        }
+    }
+}
+
+/// Errors: a method that takes many submissions
+fn check_method(method: Method) -> Result<(), Error> {
+    match method {
+        Method::Grid | Method::Direct => Ok(()),
+        Method::Brute | Method::Path => Err(Error::Setting {
+            path: "method".to_owned(),
+            problem: format!(
+                "{} takes many submissions, and an engine's frame is one; take grid or direct",
+                method.name()
+            ),
+        }),
+    }
+}
+
+#[cfg(test)]
+mod tests;
