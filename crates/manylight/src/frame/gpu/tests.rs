@@ -132,6 +132,7 @@ fn every_stage_is_that_of_the_processor_with_other_settings() {
                 &[("shadow.rays", "0"), ("grid.levels", "5")],
                 &[("vpls.bounces", "12"), ("grid.lobes", "1"), ("filter.passes", "2")],
                 &[("shadow.estimate", "mean"), ("shadow.stratified", "false")],
+                &[("interleave", "4")],
                 &[("shadow.start_level", "3"), ("grid.spread", "false"), ("grid.alpha", "0.7")],
             ];
             for sets in each {
@@ -178,7 +179,7 @@ fn every_method_and_more_samples_give_the_picture_of_the_processor() {
                 ("brute", &[("vpls.count", "300"), ("vpls.emitter_count", "100")][..]),
                 ("path", &[("path.spp", "4")]),
                 ("direct", &[]),
-                ("grid", &[("film.samples", "3")]),
+                ("grid", &[("film.samples", "3"), ("interleave", "2")]),
                 ("grid", &[("filter.enabled", "false"), ("shadow.rays", "16")]),
             ];
             for (method, sets) in each {
