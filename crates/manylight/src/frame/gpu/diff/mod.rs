@@ -20,6 +20,8 @@ use crate::emitter::SkyEmitter;
 use crate::emitter::gpu::record_background;
 use crate::error::Error;
 use crate::filter::gpu::{Filter, GpuNoisy, Guides};
+use crate::filter::interleave;
+use crate::filter::interleave::gpu::Join;
 use crate::frame::stage::Clock;
 use crate::gather::Gathered;
 use crate::gather::grid::gpu::{Gather, GatherCapacity, GatherInput, GatherOut, GpuGrid};
@@ -33,7 +35,7 @@ use crate::vlight::vpl::{self, VplSet};
 use glam::Vec3;
 use lights::{diff_grid, diff_vpls};
 use manylight_scene::Camera;
-use tally::{Tally, apart, apart_by_axis, colors, numbers};
+use tally::{Tally, apart, apart_by_axis, colors, counts, numbers};
 
 /// Pixels whose ray to a sun or lamp may pass an edge.
 const EDGES_ALLOWED: f64 = 3e-3;
@@ -42,8 +44,8 @@ const EDGES_ALLOWED: f64 = 3e-3;
 const EDGES_PER_SIDE: f64 = 0.25;
 /// Pixels of whose few rays to the sky one may pass an edge, or fall on a texel's border.
 const SKY_ALLOWED: f64 = 1e-2;
-/// Pixels where a light may give nothing within rounding, and counts on one side alone.
-const COUNTS_ALLOWED: f64 = 1e-2;
+/// Lights that give a pixel nothing within rounding, and count on one side alone.
+const COUNTS_ALLOWED: f64 = 1e-3;
 /// Pixels of whose drawn lights one may be the next, or its ray pass an edge.
 const DRAWS_ALLOWED: f64 = 1.5e-2;
 
@@ -94,9 +96,11 @@ impl GpuRenderer {
         let view = ViewFrame::new(camera, size[0], size[1]);
         let job =
             Job { view: &view, settings: &settings, sample: 0, keeps_lights: false, given: None };
-        let mut diff = Diff::new(self, job)?;
-        diff.run()?;
-        Ok(diff.rows)
+        self.gpu().guard(|| {
+            let mut diff = Diff::new(self, job)?;
+            diff.run()?;
+            Ok(diff.rows)
+        })
     }
 }
 
@@ -153,6 +157,9 @@ impl<'a> Diff<'a> {
         if settings.method != Method::Direct {
             let set = self.diff_path_vpls()?;
             gathers.push(self.diff_gather(&BOUNCED, &set, 4)?);
+        }
+        if settings.interleave > 1 {
+            self.diff_interleave(&mut gathers)?;
         }
         self.diff_filter(&mut gathers)?;
         self.diff_composite(&irradiance, &gathers, direct_gathers)
@@ -315,10 +322,10 @@ impl<'a> Diff<'a> {
         let pairs = expected.unshadowed.iter().copied().zip(colors_of(&sums));
         let rows = [
             colors([names.lighting, "unshadowed"], pairs, 1e-4, 0.0),
-            numbers(
+            counts(
                 [names.lighting, "evals"],
-                expected.evals.iter().zip(&sums).map(|(a, b)| (*a as f32, b[3])),
-                (0.0, "lights"),
+                expected.evals.iter().zip(&sums).map(|(a, b)| (*a, b[3] as u32)),
+                "lights of a pixel",
                 COUNTS_ALLOWED,
             ),
             numbers(
@@ -335,6 +342,30 @@ impl<'a> Diff<'a> {
             ),
         ];
         self.rows.extend(rows);
+        Ok(())
+    }
+
+    /// What the pixels know together; makes it the gathers' own.
+    fn diff_interleave(&mut self, gathers: &mut [(Gathered, u32)]) -> Result<(), Error> {
+        let (engine, view, side) = (self.engine, self.job.view, self.job.settings.interleave);
+        let gpu = engine.gpu();
+        let guides = Guides::new(gpu, view.width, view.height)?;
+        let memory = Join::new(gpu, view.width, view.height)?;
+        for (gathered, _) in gathers.iter_mut().filter(|(gathered, _)| gathered.alpha.is_some()) {
+            let parts = gathered.unshadowed.iter().map(|c| c.extend(0.0).to_array());
+            let parts = gpu.upload("parts of the light", &parts.collect::<Vec<_>>())?;
+            let shares = gpu.upload("shares", &pairs_of(gathered))?;
+            self.submit(|rec| {
+                guides.record(rec, &self.planes, view);
+                memory.record(rec, &guides, &self.planes, (&parts, &shares), side);
+            })?;
+            interleave::join(&mut [gathered], &self.receivers, view, side);
+            let pairs = gathered.unshadowed.iter().copied().zip(colors_of(&self.read(&parts)?));
+            self.rows.push(colors(["interleave", "unshadowed"], pairs, 1e-4, 0.0));
+            let found = self.read(&shares)?;
+            let pairs = gathered.trust.iter().zip(&found).map(|(a, b)| (*a, b[1]));
+            self.rows.push(numbers(["interleave", "trust"], pairs, (1e-3, ""), 0.0));
+        }
         Ok(())
     }
 

@@ -80,6 +80,24 @@ impl Tally {
     }
 }
 
+/// Compares the numbers of things that are counted at many places: what is more or less on one side
+/// differs.
+pub(super) fn counts(
+    stage: [&'static str; 2],
+    pairs: impl Iterator<Item = (u32, u32)>,
+    unit: &'static str,
+    allowed: f64,
+) -> StageDifference {
+    let mut tally = Tally::new(stage, (0.0, unit));
+    for (a, b) in pairs {
+        let difference = u64::from(a.abs_diff(b));
+        tally.0.compared += u64::from(a.max(b));
+        tally.0.different += difference;
+        tally.0.largest = tally.0.largest.max(difference as f64);
+    }
+    tally.allow(allowed)
+}
+
 /// Difference of two numbers.
 pub(super) fn apart(a: f32, b: f32) -> f64 {
     if a == b { 0.0 } else { (f64::from(a) - f64::from(b)).abs() }
