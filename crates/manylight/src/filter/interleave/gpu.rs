@@ -90,8 +90,7 @@ mod tests {
     #[test]
     fn the_device_joins_as_the_processor_does() {
         let Some(gpu) = device() else { return };
-        let cases =
-            [("atrium", [53, 34], 4), ("cornell", [40, 31], 2), ("cornell", [3, 2], 4)];
+        let cases = [("atrium", [53, 34], 4), ("cornell", [40, 31], 2), ("cornell", [3, 2], 4)];
         for (name, [width, height], side) in cases {
             let shot = manylight_scene::builtin(name).expect(name);
             let renderer = Renderer::new(shot.scene).expect(name);
@@ -107,8 +106,7 @@ mod tests {
                 *sum = Vec3::new(random(i, 1), random(i, 2), random(i, 3)).powf(3.0) * scale;
             }
             gathered.trust = (0..width * height).map(|i| random(i, 4)).collect();
-            let parts: Vec<_> =
-                gathered.unshadowed.iter().map(|c| [c.x, c.y, c.z, 7.0]).collect();
+            let parts: Vec<_> = gathered.unshadowed.iter().map(|c| [c.x, c.y, c.z, 7.0]).collect();
             let shares: Vec<_> = gathered.trust.iter().map(|&trust| [0.5, trust]).collect();
             let parts = gpu.upload("parts", &parts).expect("parts");
             let shares = gpu.upload("shares", &shares).expect("shares");

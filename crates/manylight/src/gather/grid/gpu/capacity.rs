@@ -44,7 +44,13 @@ pub(super) fn blocks_of(width: usize, height: usize, side: usize) -> [usize; 2] 
 
 impl GatherCapacity {
     /// Bands as large as the picture and the device allow, and no larger than asked for.
-    pub(super) fn fit(mut self, gpu: &Gpu, width: usize, height: usize, settings: &Settings) -> Self {
+    pub(super) fn fit(
+        mut self,
+        gpu: &Gpu,
+        width: usize,
+        height: usize,
+        settings: &Settings,
+    ) -> Self {
         let limits = gpu.device().limits();
         let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
         self.slice_rays = self.slice_rays.min(settings.shadow.rays).max(1);

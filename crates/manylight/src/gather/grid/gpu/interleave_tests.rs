@@ -27,7 +27,8 @@ fn interleaved_sums_are_those_of_the_processor() {
 #[test]
 fn alpha_knows_nothing_of_interleaving() {
     let Some(gpu) = device() else { return };
-    let [one, four] = [1, 4].map(|side| alpha_of(gpu, &interleaved("builtin:atrium", "fast", side)));
+    let [one, four] =
+        [1, 4].map(|side| alpha_of(gpu, &interleaved("builtin:atrium", "fast", side)));
     assert_eq!(one.alpha.to_bits(), four.alpha.to_bits());
     assert!(one.alpha != 1.0);
 }
