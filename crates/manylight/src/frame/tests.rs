@@ -153,6 +153,53 @@ fn a_lone_plane_with_bent_normals_lights_nothing_but_the_eye() {
 }
 
 #[test]
+fn interleaving_keeps_the_light_of_smooth_walls() {
+    let (renderer, camera) = renderer("furnace");
+    let mut s = settings(Method::Grid);
+    (s.vpls.count, s.vpls.emitter_count, s.shadow.rays) = (20_000, 20_000, 0);
+    let whole = render(&renderer, &camera, [48, 32], &s);
+    for side in [2, 4] {
+        s.interleave = side;
+        let parts = render(&renderer, &camera, [48, 32], &s);
+        for (name, a, b) in [
+            ("direct", &parts.direct, &whole.direct),
+            ("indirect", &parts.indirect, &whole.indirect),
+        ] {
+            let bias = energy(a) / energy(b) - 1.0;
+            assert!(bias.abs() < 0.003, "{name} of side {side}: {bias}");
+        }
+    }
+}
+
+#[test]
+fn interleaved_pictures_look_like_whole_ones() {
+    let (renderer, camera) = renderer("atrium");
+    let mut s = settings(Method::Grid);
+    (s.vpls.count, s.shadow.rays) = (20_000, 0);
+    let raster = |s: &Settings| {
+        let pixels = render(&renderer, &camera, [192, 108], s).beauty();
+        let data = pixels.iter().flat_map(|c| c.to_array()).collect();
+        manylight_image::Raster { width: 192, height: 108, channels: 3, data }
+    };
+    let compare = |s: &Settings, whole| {
+        manylight_image::compare(&raster(s), whole).expect("same size")
+    };
+    let whole = raster(&s);
+    for (side, most_flip) in [(2, 0.04), (4, 0.08)] {
+        s.interleave = side;
+        let errors = compare(&s, &whole);
+        assert!(errors.flip_mean < most_flip, "side {side}: {errors:?}");
+        assert!(errors.energy_bias.abs() < 0.003, "side {side}: {errors:?}");
+    }
+    // Whole pictures with other draws differ too: what stays is the energy.
+    (s.shadow.rays, s.interleave) = (4, 1);
+    let whole = raster(&s);
+    s.interleave = 4;
+    let errors = compare(&s, &whole);
+    assert!(errors.energy_bias.abs() < 0.005, "{errors:?}");
+}
+
+#[test]
 fn every_preset_renders() {
     let (renderer, camera) = renderer("cornell");
     for name in crate::settings::PRESETS {

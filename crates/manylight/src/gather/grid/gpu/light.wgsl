@@ -24,7 +24,7 @@ var<workgroup> near: array<atomic<u32>, 2>;
 var<workgroup> tile_lights: array<TileLight, CHUNK>;
 
 // Puts the lights of a chunk that the tile sees and that reach it side by side; returns which.
-fn narrow(chunk: u32, class: u32, bounds: Bounds, local: u32) -> vec2u {
+fn narrow(chunk: u32, wanted: u32, bounds: Bounds, local: u32) -> vec2u {
     if local < 2u {
         atomicStore(&near[local], 0u);
     }
@@ -35,7 +35,7 @@ fn narrow(chunk: u32, class: u32, bounds: Bounds, local: u32) -> vec2u {
     var is_near = false;
     if candidate != NO_LIGHT {
         light = load_light(level, candidate & INDEX_MASK);
-        is_near = is_of_class(light, level, class) && is_in_reach(light, level, bounds);
+        is_near = is_of_class(light, level, wanted) && is_in_reach(light, level, bounds);
     }
     if is_near {
         atomicOr(&near[local / 32u], 1u << (local % 32u));
@@ -75,14 +75,14 @@ fn main(
             vec2u(candidates[block], candidates[block + 1u]), vec2u(params.chunk_capacity));
     }
     let bounds = join_all(own, local);
-    let class = class_of_tile(tile);
+    let wanted = class_of_tile(tile);
     let range = workgroupUniformLoad(&chunk_range);
     var sum = vec3f(0.0);
     var evals = 0.0;
     var weight = 0.0;
     if bounds.low.x <= bounds.high.x {
         for (var chunk = range.x; chunk < range.y; chunk++) {
-            let mask = narrow(chunk, class, bounds, local);
+            let mask = narrow(chunk, wanted, bounds, local);
             let count = countOneBits(mask.x) + countOneBits(mask.y);
             for (var i = 0u; i < count; i++) {
                 let offset = tile_lights[i].position - p;

@@ -35,12 +35,12 @@ fn is_wanted(level: u32, index: u32, bounds: Bounds) -> bool {
 
 // Whether a tile of the block is of the class: where there are more classes than tiles, several
 // blocks cover the same pixels.
-fn is_seen_by_block(class: u32) -> bool {
+fn is_seen_by_block(light_class: u32) -> bool {
     let classes = params.side * params.side;
-    let in_order = (class + classes - params.first_class) % classes;
+    let in_order = (light_class + classes - params.first_class) % classes;
     let of_tile = vec2u(in_order % params.side, in_order / params.side);
     let turns = max(params.side / BLOCK_TILES, 1u);
-    return class == EVERY || all(of_tile / BLOCK_TILES == own_block % turns);
+    return light_class == EVERY || all(of_tile / BLOCK_TILES == own_block % turns);
 }
 
 fn keep(place: u32, level: u32, index: u32) {

@@ -85,9 +85,9 @@ fn class_of(light: GridLight, level: u32) -> u32 {
     return (x + side * y + (2u * side - 1u) * z + (2u * side + 1u) * lobe) % (side * side);
 }
 
-fn is_of_class(light: GridLight, level: u32, class: u32) -> bool {
+fn is_of_class(light: GridLight, level: u32, wanted: u32) -> bool {
     let own = class_of(light, level);
-    return own == class || own == EVERY;
+    return own == wanted || own == EVERY;
 }
 
 fn tile_light(light: GridLight, level: u32) -> TileLight {
