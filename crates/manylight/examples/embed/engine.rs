@@ -79,9 +79,16 @@ impl Engine {
         let always = (wgpu::CompareFunction::Greater, true);
         let again = (wgpu::CompareFunction::Equal, false);
         let surface = [Rgba32Float, Rgba8Unorm, Rgba16Float];
-        let surface_pipeline = pipeline(&device, &draw, "surface", &surface, Some(always));
-        let normals = [Rgba16Float; 2];
-        let normals_pipeline = pipeline(&device, &draw, "normals", &normals, Some(again));
+        let view_layout = view_layout(&device);
+        let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            bind_group_layouts: &[Some(&view_layout)],
+            ..Default::default()
+        });
+        let drawing = |fragment, targets: &[_], depth| {
+            pipeline(&device, &draw, fragment, targets, Some((&layout, depth)))
+        };
+        let surface_pipeline = drawing("surface", &surface, always);
+        let normals_pipeline = drawing("normals", &[Rgba16Float; 2], again);
         let tone = device.create_shader_module(wgpu::include_wgsl!("tone.wgsl"));
         let tone_pipeline = pipeline(&device, &tone, "tone", &[Rgba8UnormSrgb], None);
 
@@ -92,13 +99,13 @@ impl Engine {
             | wgpu::TextureUsages::COPY_SRC;
         let shown = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC;
         let composite = texture(Rgba16Float, filled);
-        let group = |pipeline: &wgpu::RenderPipeline, resources: Vec<wgpu::BindingResource<'_>>| {
+        let group = |layout: &wgpu::BindGroupLayout, resources: Vec<wgpu::BindingResource<'_>>| {
             let entries = resources.into_iter().zip(0..);
             let entries =
                 entries.map(|(resource, binding)| wgpu::BindGroupEntry { binding, resource });
             device.create_bind_group(&wgpu::BindGroupDescriptor {
                 label: None,
-                layout: &pipeline.get_bind_group_layout(0),
+                layout,
                 entries: &entries.collect::<Vec<_>>(),
             })
         };
@@ -107,7 +114,7 @@ impl Engine {
             size,
             corner_count: corners.len() as u32,
             corners: buffer(wgpu::BufferUsages::VERTEX, bytemuck::cast_slice(&corners)),
-            view_group: group(&surface_pipeline, vec![view.as_entire_binding()]),
+            view_group: group(&view_layout, vec![view.as_entire_binding()]),
             view,
             surface_pipeline,
             normals_pipeline,
@@ -117,7 +124,10 @@ impl Engine {
             emission: texture(Rgba16Float, drawn),
             normal: texture(Rgba16Float, drawn),
             face_normal: texture(Rgba16Float, drawn),
-            tone_group: group(&tone_pipeline, vec![light, exposure.as_entire_binding()]),
+            tone_group: group(
+                &tone_pipeline.get_bind_group_layout(0),
+                vec![light, exposure.as_entire_binding()],
+            ),
             tone_pipeline,
             composite,
             screen: texture(Rgba8UnormSrgb, shown),
@@ -228,6 +238,14 @@ impl Engine {
     }
 }
 
+/// Takes the pictures off the surfaces of a scene: this engine has none.
+pub fn remove_pictures(scene: &mut Scene) {
+    for material in &mut scene.materials {
+        (material.base_color_texture, material.emission_texture) = (None, None);
+        material.normal_texture = None;
+    }
+}
+
 /// The corners of all triangles in the world.
 fn corners(scene: &Scene) -> Vec<Corner> {
     let mut corners = Vec::new();
@@ -242,11 +260,12 @@ fn corners(scene: &Scene) -> Vec<Corner> {
             let to_world = |normal: Vec3| (normal_matrix * normal).normalize_or_zero();
             for (&vertex, position) in triangle.iter().zip(at) {
                 let normal = mesh.normals.get(vertex as usize).copied().unwrap_or(flat);
+                let tint = mesh.colors.get(vertex as usize).map_or(Vec3::ONE, |c| c.truncate());
                 corners.push(Corner {
                     position: instance.world_from_object.transform_point3(position).to_array(),
                     normal: to_world(normal).to_array(),
                     face_normal: to_world(flat).to_array(),
-                    albedo: material.base_color.truncate().to_array(),
+                    albedo: (material.base_color.truncate() * tint).to_array(),
                     emission: emission.to_array(),
                 });
             }
@@ -255,14 +274,31 @@ fn corners(scene: &Scene) -> Vec<Corner> {
     corners
 }
 
-/// A pipeline whose entry points are `corner` and `fragment`; `depth`: how it compares, and whether
-/// it writes. Without it there are no corners to read either.
+/// The view, for both pipelines that draw.
+fn view_layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
+    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+        label: None,
+        entries: &[wgpu::BindGroupLayoutEntry {
+            binding: 0,
+            visibility: wgpu::ShaderStages::VERTEX_FRAGMENT,
+            ty: wgpu::BindingType::Buffer {
+                ty: wgpu::BufferBindingType::Uniform,
+                has_dynamic_offset: false,
+                min_binding_size: None,
+            },
+            count: None,
+        }],
+    })
+}
+
+/// A pipeline whose entry points are `corner` and `fragment`; `drawing`: its layout, how depths
+/// compare, and whether it writes them. Without it there are no corners to read either.
 fn pipeline(
     device: &wgpu::Device,
     module: &wgpu::ShaderModule,
     fragment: &str,
     targets: &[wgpu::TextureFormat],
-    depth: Option<(wgpu::CompareFunction, bool)>,
+    drawing: Option<(&wgpu::PipelineLayout, (wgpu::CompareFunction, bool))>,
 ) -> wgpu::RenderPipeline {
     let targets: Vec<_> = targets.iter().map(|&format| Some(format.into())).collect();
     let corners = [Some(wgpu::VertexBufferLayout {
@@ -272,15 +308,15 @@ fn pipeline(
     })];
     device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
         label: Some(fragment),
-        layout: None,
+        layout: drawing.map(|(layout, _)| layout),
         vertex: wgpu::VertexState {
             module,
             entry_point: Some("corner"),
             compilation_options: Default::default(),
-            buffers: if depth.is_some() { &corners } else { &[] },
+            buffers: if drawing.is_some() { &corners } else { &[] },
         },
         primitive: Default::default(),
-        depth_stencil: depth.map(|(compare, writes)| wgpu::DepthStencilState {
+        depth_stencil: drawing.map(|(_, (compare, writes))| wgpu::DepthStencilState {
             format: Depth32Float,
             depth_write_enabled: Some(writes),
             depth_compare: Some(compare),

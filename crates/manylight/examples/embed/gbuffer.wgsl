@@ -17,7 +17,7 @@ struct Corner {
     @location(0) position: vec3f,
     @location(1) normal: vec3f,
     @location(2) @interpolate(flat) face_normal: vec3f,
-    @location(3) @interpolate(flat) albedo: vec3f,
+    @location(3) albedo: vec3f,
     // 1 in the fourth: of both sides.
     @location(4) @interpolate(flat) emission: vec4f,
 }

@@ -16,13 +16,14 @@ const MOST_FRAMES: u32 = 8;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let path = std::env::args().nth(1).unwrap_or_else(|| "embed.png".to_owned());
-    let shot = manylight_scene::load("builtin:atrium")?;
+    let mut shot = manylight_scene::load("builtin:atrium")?;
+    engine::remove_pictures(&mut shot.scene);
     let settings = Settings::preset("draft")?;
 
     // The engine's own: a device, geometry, textures.
     let (device, queue, name) = engine::open().ok_or("no graphics device found")?;
     println!("{name}");
-    let engine = Engine::new(device.clone(), queue.clone(), &shot.scene, SIZE, 1.5);
+    let engine = Engine::new(device.clone(), queue.clone(), &shot.scene, SIZE, 0.5);
 
     // The light: the same device, the same triangles.
     let gpu = Gpu::from_device(device, queue, name)?;

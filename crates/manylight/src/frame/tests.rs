@@ -181,9 +181,8 @@ fn interleaved_pictures_look_like_whole_ones() {
         let data = pixels.iter().flat_map(|c| c.to_array()).collect();
         manylight_image::Raster { width: 192, height: 108, channels: 3, data }
     };
-    let compare = |s: &Settings, whole| {
-        manylight_image::compare(&raster(s), whole).expect("same size")
-    };
+    let compare =
+        |s: &Settings, whole| manylight_image::compare(&raster(s), whole).expect("same size");
     let whole = raster(&s);
     for (side, most_flip) in [(2, 0.04), (4, 0.08)] {
         s.interleave = side;

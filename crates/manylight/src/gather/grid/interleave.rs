@@ -128,7 +128,7 @@ mod tests {
         for i in [40, 76] {
             let sample = &traced.samples[i];
             assert!(sample.surface.is_some());
-            let samples = vec![sample.clone(); 32 * 32];
+            let samples = vec![*sample; 32 * 32];
             let receivers = Receivers { width: 32, height: 32, samples };
             let sums = [1, 2, 4].map(|side| {
                 settings.interleave = side;
