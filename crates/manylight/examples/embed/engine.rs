@@ -4,7 +4,7 @@
 use glam::Vec3;
 use manylight::surface::gpu::ReceiverTextures;
 use manylight_scene::{Camera, Projection, Scene};
-use wgpu::TextureFormat::{Depth32Float, Rgba8Unorm, Rgba8UnormSrgb, Rgba16Float, Rgba32Float};
+use wgpu::TextureFormat::{Depth32Float, Rgba8UnormSrgb, Rgba16Float, Rgba32Float};
 use wgpu::util::DeviceExt;
 
 /// Distance of the near plane, m.
@@ -78,7 +78,7 @@ impl Engine {
         let draw = device.create_shader_module(wgpu::include_wgsl!("gbuffer.wgsl"));
         let always = (wgpu::CompareFunction::Greater, true);
         let again = (wgpu::CompareFunction::Equal, false);
-        let surface = [Rgba32Float, Rgba8Unorm, Rgba16Float];
+        let surface = [Rgba32Float, Rgba16Float, Rgba16Float];
         let view_layout = view_layout(&device);
         let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             bind_group_layouts: &[Some(&view_layout)],
@@ -120,7 +120,7 @@ impl Engine {
             normals_pipeline,
             depth: texture(Depth32Float, wgpu::TextureUsages::RENDER_ATTACHMENT),
             position_depth: texture(Rgba32Float, drawn),
-            albedo: texture(Rgba8Unorm, drawn),
+            albedo: texture(Rgba16Float, drawn),
             emission: texture(Rgba16Float, drawn),
             normal: texture(Rgba16Float, drawn),
             face_normal: texture(Rgba16Float, drawn),

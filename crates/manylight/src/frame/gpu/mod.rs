@@ -249,8 +249,8 @@ impl GpuRenderer {
         layers.finish(rec, receivers);
     }
 
-    /// What tells receivers apart, for all filters; and the first of them, where pixels see parts of
-    /// the lights.
+    /// What tells receivers apart, for all filters; and the first filter, where pixels see parts
+    /// of the lights.
     fn record_guides(&self, rec: &mut Recorder<'_>, buffers: &Buffers, job: Job<'_>) {
         let Job { settings, view, .. } = job;
         let Buffers { receivers, guides, join, .. } = buffers;

@@ -39,7 +39,7 @@ use tally::{Tally, apart, apart_by_axis, colors, counts, numbers};
 
 /// Pixels whose ray to a sun or lamp may pass an edge.
 const EDGES_ALLOWED: f64 = 3e-3;
-/// Pixels whose camera ray may pass an edge, as a share of the picture's side: an edge may run along
+/// Pixels whose camera ray may pass an edge, as a share of the picture's side: one may run along
 /// a line of pixel centers, as those of a room do that is seen along its axis.
 const EDGES_PER_SIDE: f64 = 0.25;
 /// Pixels of whose few rays to the sky one may pass an edge, or fall on a texel's border.

@@ -65,9 +65,9 @@ impl GpuRenderer {
     /// everything that they work on, so they have to be submitted in one order to one queue, which
     /// is that of [`Gpu::queue`].
     ///
-    /// Errors: a setting outside its range, the methods `brute` and `path`, textures that do not fit,
-    /// more than the device can hold. After an error the encoder may hold part of a frame, which
-    /// does no harm but gives no light
+    /// Errors: a setting outside its range, the methods `brute` and `path`, textures that do not
+    /// fit, more than the device can hold. After an error the encoder may hold part of a frame,
+    /// which does no harm but gives no light
     pub fn record_into(
         &mut self,
         encoder: &mut wgpu::CommandEncoder,
@@ -109,8 +109,8 @@ impl GpuRenderer {
 
     /// Looks at the frames that are done, without waiting, and makes room for what they lacked.
     /// Whether one of them lacked any since this was asked last, or had been recorded before the
-    /// last change of the buffers: then light or shadows may be missing from its picture, and frames
-    /// recorded from now on do better.
+    /// last change of the buffers: then light or shadows may be missing from its picture, and
+    /// frames recorded from now on do better.
     ///
     /// To be called after a submission, or not at all: [`GpuRenderer::record_into`] looks too.
     /// Polls the device, so that callbacks of the engine may run.
