@@ -1,7 +1,7 @@
 //! The hierarchy of the graphics device: eight-wide nodes with boxes in bytes.
 //!
 //! In: boxes · Out: [`GpuTree`] · Paper: `[Ylitie17]`; the binary tree and its conversion by obvhs.
-//! Limits: at most [`STACK`] levels; what a tree by cost would exceed becomes a balanced one.
+//! Limits: at most 32 levels; what a tree by cost would exceed becomes a balanced one.
 
 use super::balanced::build_balanced;
 use super::build::{build_by_cost, is_stacked};

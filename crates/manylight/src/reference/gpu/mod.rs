@@ -1,7 +1,7 @@
 //! The path tracer on the device: one path per pixel and dispatch.
 //!
 //! In: the scene in group 1, a view · Out: [`GpuPaths`]
-//! Sums are made in blocks of [`BLOCK`] samples, so that single precision is enough, and are the
+//! Sums are made in blocks of `BLOCK` samples, so that single precision is enough, and are the
 //! same whatever the submissions are.
 
 use super::PIXEL_KEY;

@@ -1,7 +1,7 @@
 //! Every virtual light with a shadow ray each, on the device, a run of lights after the other.
 //!
 //! In: [`GpuReceivers`], virtual lights · Out: [`GpuBrute`]
-//! Sums are made in blocks of [`BLOCK`] lights, so that single precision is enough, and are the
+//! Sums are made in blocks of `BLOCK` lights, so that single precision is enough, and are the
 //! same whatever the runs are.
 
 use crate::error::Error;
@@ -34,7 +34,7 @@ record! {
         first_pixel: u32,
         /// Receivers of the tile.
         pixels: u32,
-        /// First light of the run, a multiple of [`BLOCK`]; 0 begins the sums.
+        /// First light of the run, a multiple of `BLOCK`; 0 begins the sums.
         first_light: u32,
         /// Light after the run.
         end_light: u32,
