@@ -13,8 +13,19 @@ use std::io::Write;
 pub enum Engine {
     /// All cores of this machine.
     Cpu(Box<Renderer>),
-    /// A graphics device; the flag tells whether the processor may take over.
-    Gpu(Box<GpuRenderer>, bool),
+    /// A graphics device.
+    Gpu(Box<GpuRenderer>, Fallback),
+}
+
+/// Whether the processor takes over from a graphics device that fails.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Fallback {
+    /// It was the device that was asked for.
+    Never,
+    /// It may.
+    Ready,
+    /// It has.
+    Done,
 }
 
 impl Engine {
@@ -33,9 +44,10 @@ impl Engine {
             return Ok(Self::Cpu(Box::new(renderer)));
         }
         let may_fall_back = backend == Backend::Auto;
+        let fallback = if may_fall_back { Fallback::Ready } else { Fallback::Never };
         match Gpu::open(&GpuOptions::from(&settings.gpu)) {
             Ok(gpu) => match GpuRenderer::new(gpu, renderer) {
-                Ok(engine) => Ok(Self::Gpu(Box::new(engine), may_fall_back)),
+                Ok(engine) => Ok(Self::Gpu(Box::new(engine), fallback)),
                 Err((renderer, reason)) if may_fall_back => {
                     warn(&reason, quiet);
                     Ok(Self::Cpu(renderer))
@@ -62,19 +74,16 @@ impl Engine {
         progress: Progress<'_>,
         quiet: bool,
     ) -> Result<Frame, Failure> {
-        let reason = match self {
-            Self::Cpu(renderer) => return Ok(renderer.render(camera, size, settings, progress)?),
-            Self::Gpu(engine, may_fall_back) => {
-                match engine.render(camera, size, settings, progress) {
-                    Err(reason @ manylight::Error::Device { .. }) if *may_fall_back => reason,
-                    result => return Ok(result?),
+        if let Self::Gpu(engine, fallback @ (Fallback::Never | Fallback::Ready)) = self {
+            match engine.render(camera, size, settings, progress) {
+                Err(reason @ manylight::Error::Device { .. }) if *fallback == Fallback::Ready => {
+                    warn(&reason, quiet);
+                    *fallback = Fallback::Done;
                 }
+                result => return Ok(result?),
             }
-        };
-        warn(&reason, quiet);
-        let renderer = self.renderer();
-        let frame = renderer.render(camera, size, settings, progress)?;
-        Ok(frame)
+        }
+        Ok(self.renderer().render(camera, size, settings, progress)?)
     }
 
     /// Renders one picture for its time: of each stage, ms; `is_static` keeps its lights.

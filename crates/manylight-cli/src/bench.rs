@@ -1,6 +1,6 @@
 //! `manylight bench`
 
-use crate::args::BenchArgs;
+use crate::args::{Backend, BenchArgs};
 use crate::backend::Engine;
 use crate::render;
 use crate::{Failure, Outcome, memory, output};
@@ -22,6 +22,9 @@ const RUNS: usize = 7;
 pub fn run(args: &BenchArgs) -> Result<Outcome, Failure> {
     if let Some(receivers) = args.quality.filter(|n| !(1..=MAX_RECEIVERS).contains(n)) {
         return Err(format!("--quality {receivers}: use 1 to {MAX_RECEIVERS} receivers").into());
+    }
+    if args.is_static && args.backend == Backend::Cpu {
+        return Err("--static: only a graphics device keeps its lights; add --backend gpu".into());
     }
     let dumps: Vec<_> =
         args.dump_rays.iter().flat_map(|p| DUMPS.map(|end| p.with_extension(end))).collect();

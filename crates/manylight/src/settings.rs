@@ -208,6 +208,15 @@ group! {
         /// Whether to take only what every device has: smallest limits, no optional feature. For
         /// finding out whether one of them makes a difference.
         base: bool = false,
+        /// Whether to use operations across invocations that run in step, where the device has them.
+        subgroups: bool = true,
+        /// Whether to use numbers of 16 bits, where the device has them.
+        half: bool = true,
+        /// Whether the hardware follows rays, where it can.
+        ray_queries: bool = true,
+        /// Whether to bind each texture by itself, where the device can, in place of pages of one
+        /// array.
+        bindless: bool = false,
     }
 }
 

@@ -51,7 +51,7 @@ impl<F: FnMut(&RayHit) -> bool, const ANY: bool> Leaves for Hits<'_, F, ANY> {
     #[inline(always)]
     fn meet<V: Vector>(&mut self, leaf: usize, ray: &Prepared<V>, t_max: &mut f32) -> bool {
         let pack = &self.packs[leaf];
-        let (mask, values) = intersect_pack(pack, ray, *t_max);
+        let (mask, values) = intersect_pack::<_, ANY>(pack, ray, *t_max);
         if mask == 0 {
             return false;
         }
@@ -98,11 +98,16 @@ fn hit_in(pack: &Pack, lane: usize, [t, u, v]: &[Lanes; 3]) -> RayHit {
     RayHit { t: t[lane], barycentrics: [u[lane], v[lane]], triangle }
 }
 
-/// Which triangles the ray meets in 0 < t ≤ `t_max`, with distances and barycentrics.
+/// Which triangles the ray meets in 0 < t < `t_max`, with distances and barycentrics; unless `ANY`
+/// will do, those at the very end too, which may be tied with the nearest.
 ///
 /// Source: `[MoellerTrumbore97]`, edges stored.
 #[inline(always)]
-fn intersect_pack<V: Vector>(pack: &Pack, ray: &Prepared<V>, t_max: f32) -> (u32, [V; 3]) {
+fn intersect_pack<V: Vector, const ANY: bool>(
+    pack: &Pack,
+    ray: &Prepared<V>,
+    t_max: f32,
+) -> (u32, [V; 3]) {
     let lanes = ray.lanes;
     let ([ox, oy, oz], [dx, dy, dz]) = (ray.origin, ray.direction);
     let [ax, ay, az] = load::<V>(lanes, &pack.corner);
@@ -116,12 +121,14 @@ fn intersect_pack<V: Vector>(pack: &Pack, ray: &Prepared<V>, t_max: f32) -> (u32
     let (qx, qy, qz) = (sy * e1z - sz * e1y, sz * e1x - sx * e1z, sx * e1y - sy * e1x);
     let v = (dx * qx + dy * qy + dz * qz) * inverse;
     let t = (e2x * qx + e2y * qy + e2z * qz) * inverse;
+    let end = V::splat(lanes, t_max);
+    let is_before = if ANY { t.lt(end) } else { t.le(end) };
     // Comparisons with NaN are false: a determinant of zero, and lanes without a triangle.
     let mask = V::splat(lanes, -EDGE_SLACK).le(u)
         & V::splat(lanes, -EDGE_SLACK).le(v)
         & (u + v).le(V::splat(lanes, 1.0 + EDGE_SLACK))
         & V::splat(lanes, 0.0).lt(t)
-        & t.le(V::splat(lanes, t_max));
+        & is_before;
     (mask, [t, u, v])
 }
 

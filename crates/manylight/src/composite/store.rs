@@ -32,5 +32,5 @@ pub fn record_store(
 ) {
     let params = rec.uniform(&StoreParams { width: width as u32, height: height as u32 });
     let kernel = StorePlane { params, colors, fourths, texels };
-    rec.dispatch(&kernel, [width.div_ceil(8) as u32, height.div_ceil(8) as u32, 1]);
+    rec.dispatch_pixels(&kernel, width, height);
 }

@@ -167,12 +167,17 @@ impl Guides {
             guide_positions: &self.positions,
             guide_normals: &self.normals,
         };
-        rec.dispatch(&kernel, self.groups());
+        rec.dispatch_pixels(&kernel, self.width(), self.height());
     }
 
-    /// Workgroups that cover the picture.
-    pub(super) fn groups(&self) -> [u32; 3] {
-        [self.size[0].div_ceil(TILE[0]), self.size[1].div_ceil(TILE[1]), 1]
+    /// Pixels across.
+    pub(super) fn width(&self) -> usize {
+        self.size[0] as usize
+    }
+
+    /// Pixels down.
+    pub(super) fn height(&self) -> usize {
+        self.size[1] as usize
     }
 }
 
@@ -242,7 +247,7 @@ impl Filter {
                     signals: &self.pairs[current],
                     filtered: &self.pairs[1 - current],
                 };
-                rec.dispatch(&kernel, guides.groups());
+                rec.dispatch_pixels(&kernel, guides.width(), guides.height());
                 current = 1 - current;
             }
             let pixels = filtered[0].len();
@@ -278,7 +283,7 @@ impl Filter {
             second_frames,
             guess: &self.guess,
         };
-        rec.dispatch(&guess, guides.groups());
+        rec.dispatch_pixels(&guess, guides.width(), guides.height());
         let first_pass = FirstPass {
             params,
             guide_positions,
@@ -290,7 +295,7 @@ impl Filter {
             guess: &self.guess,
             filtered: &self.pairs[0],
         };
-        rec.dispatch(&first_pass, guides.groups());
+        rec.dispatch_pixels(&first_pass, guides.width(), guides.height());
     }
 }
 

@@ -34,13 +34,33 @@ macro_rules! record {
 }
 pub(crate) use record;
 
+/// Some bytes on the account of a device.
+#[derive(Debug)]
+pub struct HeldBytes {
+    account: Arc<AtomicU64>,
+    bytes: u64,
+}
+
+impl HeldBytes {
+    pub(super) fn new(account: Arc<AtomicU64>, bytes: u64) -> Self {
+        account.fetch_add(bytes, Ordering::Relaxed);
+        Self { account, bytes }
+    }
+}
+
+impl Drop for HeldBytes {
+    fn drop(&mut self) {
+        self.account.fetch_sub(self.bytes, Ordering::Relaxed);
+    }
+}
+
 /// A storage buffer of `len` records on the device.
 #[derive(Debug)]
 pub struct Buf<T> {
     raw: wgpu::Buffer,
     len: usize,
     name: &'static str,
-    bytes_held: Arc<AtomicU64>,
+    _bytes: HeldBytes,
     holds: PhantomData<fn() -> T>,
 }
 
@@ -61,9 +81,7 @@ impl<T: Record> Buf<T> {
             usage,
             mapped_at_creation: false,
         });
-        let bytes_held = gpu.bytes_held();
-        bytes_held.fetch_add(size, Ordering::Relaxed);
-        Self { raw, len, name, bytes_held, holds: PhantomData }
+        Self { raw, len, name, _bytes: gpu.hold_bytes(size), holds: PhantomData }
     }
 
     /// Records.
@@ -84,11 +102,5 @@ impl<T: Record> Buf<T> {
     /// The buffer behind it.
     pub fn raw(&self) -> &wgpu::Buffer {
         &self.raw
-    }
-}
-
-impl<T> Drop for Buf<T> {
-    fn drop(&mut self) {
-        self.bytes_held.fetch_sub(self.raw.size(), Ordering::Relaxed);
     }
 }

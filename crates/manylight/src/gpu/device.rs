@@ -1,7 +1,8 @@
 //! Opening a device, its pipelines, and reading back from it.
 
+use super::buffer::HeldBytes;
 use super::recorder::{Arena, Recorder};
-use super::{Buf, KernelInfo, Record, SHADERS, link};
+use super::{Buf, Features, KernelInfo, Record, SHADERS, link};
 use crate::error::Error;
 use crate::settings::GpuSettings;
 use std::collections::HashMap;
@@ -17,13 +18,16 @@ pub struct GpuOptions {
     pub base: bool,
     /// Whether a device that is emulated on the processor will do.
     pub software: bool,
+    /// What is used where the device offers it; nothing with `base`.
+    pub features: Features,
 }
 
 impl From<&GpuSettings> for GpuOptions {
     /// A device that is emulated will do where it is named.
     fn from(settings: &GpuSettings) -> Self {
-        let GpuSettings { device, base } = settings;
-        Self { adapter: device.clone(), base: *base, software: device.is_some() }
+        let GpuSettings { device, base, .. } = settings;
+        let (software, features) = (device.is_some(), Features::from(settings));
+        Self { adapter: device.clone(), base: *base, software, features }
     }
 }
 
@@ -61,6 +65,7 @@ pub struct Gpu {
     queue: wgpu::Queue,
     /// Name of the adapter and its driver.
     name: String,
+    features: Features,
     scene_layout: wgpu::BindGroupLayout,
     pipelines: Mutex<HashMap<&'static str, wgpu::ComputePipeline>>,
     /// Those that no recording holds.
@@ -164,6 +169,7 @@ impl Gpu {
             limits.max_storage_buffer_binding_size = most.max_storage_buffer_binding_size;
             limits.max_buffer_size = most.max_buffer_size;
             features = adapter.features() & wgpu::Features::TIMESTAMP_QUERY;
+            features |= options.features.offered_by(adapter.features()).wgpu();
         }
         let opened = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
             label: Some("manylight"),
@@ -198,6 +204,7 @@ impl Gpu {
             entries: &scene_entries(),
         });
         Ok(Self {
+            features: Features::ALL.offered_by(device.features()),
             device,
             queue,
             name,
@@ -243,18 +250,25 @@ impl Gpu {
         &self.name
     }
 
+    /// What kernels make use of beyond what every device has.
+    pub fn features(&self) -> Features {
+        self.features
+    }
+
     /// Bytes of all buffers that are held at present.
     pub fn bytes(&self) -> u64 {
         self.bytes_held.load(Ordering::Relaxed)
     }
 
-    pub(super) fn bytes_held(&self) -> Arc<AtomicU64> {
-        self.bytes_held.clone()
+    /// Keeps account of memory that is no [`Buf`], until the account is dropped.
+    pub fn hold_bytes(&self, bytes: u64) -> HeldBytes {
+        HeldBytes::new(self.bytes_held.clone(), bytes)
     }
 
-    /// Keeps account of memory that is no [`Buf`].
-    pub fn count_bytes(&self, bytes: u64) {
-        self.bytes_held.fetch_add(bytes, Ordering::Relaxed);
+    /// Most bytes of one list.
+    pub fn max_list_bytes(&self) -> u64 {
+        let limits = self.device.limits();
+        limits.max_storage_buffer_binding_size.min(limits.max_buffer_size)
     }
 
     /// Layout of group 1: the scene's records and textures.
@@ -266,8 +280,7 @@ impl Gpu {
     ///
     /// Errors: more bytes than one binding of this device may have, or than it has left
     pub fn buffer<T: Record>(&self, name: &'static str, len: usize) -> Result<Buf<T>, Error> {
-        let limits = self.device.limits();
-        let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+        let most = self.max_list_bytes();
         let needed = (len as u64).saturating_mul(size_of::<T>() as u64);
         if needed > most {
             return Err(device(format!(
@@ -435,7 +448,7 @@ impl Gpu {
 
     fn build(&self, kernel: &KernelInfo) -> wgpu::ComputePipeline {
         let label = Some(kernel.shader);
-        let text = link(kernel, SHADERS).expect("a test links every shader");
+        let text = link(kernel, SHADERS, self.features).expect("a test links every shader");
         let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label,
             source: wgpu::ShaderSource::Wgsl(text.into()),

@@ -1,28 +1,47 @@
 //! One shader text from a file and what it imports.
 
-use super::KernelInfo;
+use super::{Features, KernelInfo, Variant};
 use std::collections::HashSet;
+
+/// Shader files, and which take the place of others where a device offers more.
+#[derive(Clone, Copy, Debug)]
+pub struct Sources<'a> {
+    /// Path below `src`, without extension, and text.
+    pub files: &'a [(&'a str, &'a str)],
+    /// Files for devices that offer more.
+    pub variants: &'a [Variant],
+}
 
 /// The text of a kernel: its constants, then every imported file once, then its own.
 ///
 /// A line `import package::math::sequence;` stands for the file `math/sequence.wgsl`. Names are
-/// shared by all files; an entry point is a function `main`, which no imported file may have.
+/// shared by all files; an entry point is a function `main`, which no imported file may have. Lines
+/// that `enable` something go to the top.
 ///
 /// Errors: a sentence that names the missing file or the circle of imports, and who asked for it
-pub fn link(kernel: &KernelInfo, sources: &[(&str, &str)]) -> Result<String, String> {
-    let mut linker = Linker { sources, text: kernel.prefix(), done: HashSet::new() };
+pub fn link(
+    kernel: &KernelInfo,
+    sources: Sources<'_>,
+    features: Features,
+) -> Result<String, String> {
+    let text = kernel.prefix();
+    let mut linker =
+        Linker { sources, features, enabled: String::new(), text, done: HashSet::new() };
     linker.add(kernel.shader, &mut Vec::new())?;
-    Ok(linker.text)
+    Ok(linker.enabled + &linker.text)
 }
 
 struct Linker<'a> {
-    sources: &'a [(&'a str, &'a str)],
+    sources: Sources<'a>,
+    features: Features,
+    enabled: String,
     text: String,
     done: HashSet<String>,
 }
 
 impl Linker<'_> {
     fn add(&mut self, path: &str, open: &mut Vec<String>) -> Result<(), String> {
+        let path = self.features.file(path, self.sources.variants);
         if self.done.contains(path) {
             return Ok(());
         }
@@ -31,7 +50,7 @@ impl Linker<'_> {
         if open.iter().any(|p| p == path) {
             return Err(format!("{path}.wgsl imports itself by way of {}", open.join(", ")));
         }
-        let Some((_, source)) = self.sources.iter().find(|s| s.0 == path) else {
+        let Some((_, source)) = self.sources.files.iter().find(|s| s.0 == path) else {
             return Err(format!("no shader {path}.wgsl{}", asked_by()));
         };
         open.push(path.to_owned());
@@ -39,6 +58,7 @@ impl Linker<'_> {
         for line in source.lines() {
             match import_of(line) {
                 Some(imported) => self.add(&imported, open)?,
+                None if line.starts_with("enable ") => self.enable(line),
                 None => own += line,
             }
             own.push('\n');
@@ -47,6 +67,12 @@ impl Linker<'_> {
         self.text += &format!("// {path}.wgsl\n{own}");
         self.done.insert(path.to_owned());
         Ok(())
+    }
+
+    fn enable(&mut self, line: &str) {
+        if !self.enabled.lines().any(|l| l == line) {
+            self.enabled += &format!("{line}\n");
+        }
     }
 }
 
@@ -59,20 +85,42 @@ fn import_of(line: &str) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::gpu::Feature;
 
-    const SOURCES: &[(&str, &str)] = &[
+    const FILES: &[(&str, &str)] = &[
         ("a", "import package::b;\nimport package::c::d;\nfn main() { b(); d(); }"),
         ("b", "import package::c::d;\nfn b() {}"),
         ("c/d", "fn d() {}"),
         ("x", "import package::y;"),
         ("y", "import package::x;"),
         ("z", "import package::lost;"),
+        ("d_half", "enable f16;\nimport package::b_half;\nfn d() -> f16 {}"),
+        ("b_half", "enable f16;\nfn b_half() {}"),
     ];
+    const VARIANTS: &[Variant] = &[Variant { feature: Feature::Half, of: "c/d", by: "d_half" }];
+    const SOURCES: Sources<'_> = Sources { files: FILES, variants: VARIANTS };
 
     fn linked(shader: &'static str) -> Result<String, String> {
         let kernel =
             KernelInfo { shader, workgroup: [4, 1, 1], scene: false, constants: &[], ports: &[] };
-        link(&kernel, SOURCES)
+        link(&kernel, SOURCES, Features::NONE)
+    }
+
+    #[test]
+    fn a_variant_stands_for_its_file_where_the_feature_is_chosen() {
+        let kernel = KernelInfo {
+            shader: "a",
+            workgroup: [4, 1, 1],
+            scene: false,
+            constants: &[],
+            ports: &[],
+        };
+        let half = link(&kernel, SOURCES, Features::only(Feature::Half)).expect("linked");
+        assert!(half.starts_with("enable f16;\nconst"), "{half}");
+        assert!(half.contains("fn d() -> f16 {}") && half.matches("fn b_half()").count() == 1);
+        assert!(!half.contains("fn d() {}"));
+        let other = link(&kernel, SOURCES, Features::only(Feature::Bindless)).expect("linked");
+        assert_eq!(other, linked("a").expect("linked"));
     }
 
     #[test]

@@ -4,10 +4,12 @@
 //! [`Recorder`]
 //! Knows no light transport. Kernels are declared by `kernel!` in the `gpu.rs` of their room,
 //! records they share with Rust by `record!`; a test compares both with the shaders.
-//! Limits: `wgpu::Limits::defaults()` and no optional feature is enough.
+//! Limits: `wgpu::Limits::defaults()` and no optional feature is enough; [`Features`] are used where
+//! a device offers them.
 
 mod buffer;
 mod device;
+mod features;
 mod kernel;
 mod later;
 mod linker;
@@ -19,13 +21,14 @@ pub(crate) mod testing;
 mod timer;
 
 pub(crate) use buffer::record;
-pub use buffer::{Buf, Record};
+pub use buffer::{Buf, HeldBytes, Record};
 pub use device::{AdapterDescription, Gpu, GpuOptions, describe_adapters};
+pub use features::{Feature, Features, Variant};
 pub(crate) use kernel::kernel;
 pub use kernel::{Access, Constant, Kernel, KernelInfo, Port, STORE_FORMAT, Value};
 pub(crate) use later::take_record;
 pub use later::{Arrival, Later};
-pub use linker::link;
+pub use linker::{Sources, link};
 pub use recorder::{Recorder, Uniform};
 pub use shaders::SHADERS;
 pub use timer::StageTime;

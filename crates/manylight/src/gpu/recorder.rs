@@ -168,6 +168,12 @@ impl<'g> Recorder<'g> {
         self.dispatch(kernel, [groups.div_ceil(rows) as u32, rows as u32, 1]);
     }
 
+    /// Runs a kernel over a picture: enough workgroups for its pixels.
+    pub fn dispatch_pixels<K: Kernel>(&mut self, kernel: &K, width: usize, height: usize) {
+        let [x, y, _] = K::INFO.workgroup.map(|side| side as usize);
+        self.dispatch(kernel, [width.div_ceil(x) as u32, height.div_ceil(y) as u32, 1]);
+    }
+
     /// Runs a kernel in a grid of workgroups that the device has written at `index` of `groups`.
     pub fn dispatch_indirect<K: Kernel>(
         &mut self,

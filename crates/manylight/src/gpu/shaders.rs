@@ -1,13 +1,21 @@
 //! The text of every shader.
 
+use super::{Sources, Variant};
+
 macro_rules! shaders {
     ($($path:literal),* $(,)?) => {
         &[$(($path, include_str!(concat!("../", $path, ".wgsl")))),*]
     };
 }
 
+/// All of them, and which are for devices that offer more.
+pub const SHADERS: Sources<'_> = Sources { files: FILES, variants: VARIANTS };
+
+/// Files for devices that offer more.
+const VARIANTS: &[Variant] = &[];
+
 /// Path below `src`, without extension, and text.
-pub const SHADERS: &[(&str, &str)] = shaders![
+const FILES: &[(&str, &str)] = shaders![
     "gpu/index",
     "gpu/scan_blocks",
     "gpu/scan_add",

@@ -1,6 +1,6 @@
 //! The device of the tests.
 
-use super::{Access, Gpu, GpuOptions, KernelInfo, SHADERS, link};
+use super::{Access, Feature, Features, Gpu, GpuOptions, KernelInfo, SHADERS, link};
 use std::sync::OnceLock;
 use wgpu::naga;
 
@@ -12,7 +12,7 @@ pub(crate) fn device() -> Option<&'static Gpu> {
         let options = GpuOptions { base: true, software: true, ..GpuOptions::default() };
         match Gpu::open(&options) {
             Ok(gpu) => Some(gpu),
-            Err(reason) if std::env::var_os("MANYLIGHT_REQUIRE_GPU").is_some_and(|v| v == "1") => {
+            Err(reason) if required(&["1", "all"]) => {
                 panic!("tests on a graphics device are required: {reason}")
             }
             Err(reason) => {
@@ -24,17 +24,75 @@ pub(crate) fn device() -> Option<&'static Gpu> {
     DEVICE.get_or_init(open).as_ref()
 }
 
-/// Links, parses and validates a kernel, and compares ports, records and workgroup with it.
+/// Whether a missing device is a failure.
+fn required(values: &[&str]) -> bool {
+    std::env::var("MANYLIGHT_REQUIRE_GPU").is_ok_and(|v| values.contains(&v.as_str()))
+}
+
+/// A device with one thing that not every device offers; `None`, with a printed reason, where there
+/// is none. With `MANYLIGHT_REQUIRE_GPU=all` that is a failure.
+pub(crate) fn device_with(feature: Feature) -> Option<Gpu> {
+    let features = Features::only(feature);
+    let options = GpuOptions { software: true, features, ..GpuOptions::default() };
+    let opened = Gpu::open(&options).map_err(|e| e.to_string());
+    let opened = opened.and_then(|gpu| match gpu.features() == features {
+        true => Ok(gpu),
+        false => Err(format!("{} does not offer {feature:?}", gpu.name())),
+    });
+    match opened {
+        Ok(gpu) => Some(gpu),
+        Err(reason) if required(&["all"]) => {
+            panic!("tests with every feature of a graphics device are required: {reason}")
+        }
+        Err(reason) => {
+            eprintln!("skipped: tests of {feature:?}: {reason}");
+            None
+        }
+    }
+}
+
+/// Links, parses and validates a kernel, and compares ports, records and workgroup with it: in the
+/// form that every device can run, and in those for devices that offer more.
 pub(crate) fn check_kernel(kernel: &KernelInfo) {
     let name = kernel.shader;
-    let text = link(kernel, SHADERS).unwrap_or_else(|e| panic!("{name}: {e}"));
-    let module = naga::front::wgsl::parse_str(&text)
-        .unwrap_or_else(|e| panic!("{name}: {}", e.emit_to_string(&text)));
+    let text = |features| {
+        link(kernel, SHADERS, features).unwrap_or_else(|e| panic!("{name} {features:?}: {e}"))
+    };
+    let base = text(Features::NONE);
+    check_text(kernel, &base, Features::NONE);
+    for features in Feature::ALL.map(Features::only).into_iter().chain([Features::ALL]) {
+        let text = text(features);
+        if text != base {
+            check_text(kernel, &text, features);
+        }
+    }
+}
+
+/// What the validator allows.
+fn capabilities(features: Features) -> naga::valid::Capabilities {
+    use naga::valid::Capabilities;
+    let allowed = |feature| match feature {
+        Feature::Subgroups => Capabilities::SUBGROUP | Capabilities::SUBGROUP_BARRIER,
+        Feature::Half => Capabilities::SHADER_FLOAT16,
+        Feature::RayQueries => Capabilities::RAY_QUERY,
+        Feature::Bindless => {
+            Capabilities::TEXTURE_AND_SAMPLER_BINDING_ARRAY
+                | Capabilities::TEXTURE_AND_SAMPLER_BINDING_ARRAY_NON_UNIFORM_INDEXING
+        }
+    };
+    let chosen = Feature::ALL.into_iter().filter(|&f| features.has(f));
+    chosen.fold(Capabilities::empty(), |all, f| all | allowed(f))
+}
+
+fn check_text(kernel: &KernelInfo, text: &str, features: Features) {
+    let name = &format!("{} {features:?}", kernel.shader);
+    let module = naga::front::wgsl::parse_str(text)
+        .unwrap_or_else(|e| panic!("{name}: {}", e.emit_to_string(text)));
     let flags = naga::valid::ValidationFlags::all();
-    let mut validator = naga::valid::Validator::new(flags, naga::valid::Capabilities::empty());
+    let mut validator = naga::valid::Validator::new(flags, capabilities(features));
     let info = validator
         .validate(&module)
-        .unwrap_or_else(|e| panic!("{name}: {}", e.emit_to_string(&text)));
+        .unwrap_or_else(|e| panic!("{name}: {}", e.emit_to_string(text)));
 
     let entry = module.entry_points.iter().position(|e| e.name == "main");
     let entry = entry.unwrap_or_else(|| panic!("{name} has no entry point main"));

@@ -1,11 +1,19 @@
 use super::scan::Scan;
-use super::testing::device;
-use super::{Arrival, Gpu};
+use super::testing::{device, device_with};
+use super::{Arrival, Feature, Gpu};
 use crate::math::hash_u32;
 
 #[test]
 fn prefix_sums_of_any_length_are_running_sums() {
-    let Some(gpu) = device() else { return };
+    device().into_iter().for_each(check_prefix_sums);
+}
+
+#[test]
+fn subgroups_find_the_same_prefix_sums() {
+    device_with(Feature::Subgroups).iter().for_each(check_prefix_sums);
+}
+
+fn check_prefix_sums(gpu: &Gpu) {
     for count in [1usize, 2, 255, 2048, 2049, 70_000, 4_200_000] {
         let values: Vec<u32> = (0..count as u32).map(|i| hash_u32(i) % 7).collect();
         let buffer = gpu.upload("values", &values).expect("buffer");

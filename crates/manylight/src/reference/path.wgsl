@@ -52,7 +52,7 @@ fn emitter_candidate(s: SurfacePoint, e: SurfaceSample) -> Candidate {
     let facing = -dot(e.normal, direction);
     let cos_light = select(facing, abs(facing), e.double_sided);
     let cos_theta = dot(s.ns, direction);
-    let ray = segment_ray(s, e.position, select(-e.normal, e.normal, facing > 0.0));
+    let ray = segment_ray(ray_origin(s), e.position, select(-e.normal, e.normal, facing > 0.0));
     if !e.found || !(cos_theta > 0.0 && cos_light > 0.0) || all(e.radiance == vec3f(0.0)) {
         return Candidate(ray, vec3f(0.0));
     }

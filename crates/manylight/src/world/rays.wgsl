@@ -54,6 +54,14 @@ fn load_groups(node: u32, setup: RaySetup, t_max: f32) -> Groups {
         bvh_nodes[at + 4u], setup, t_max);
 }
 
+// Takes the nearest of the children that wait; its position from the root.
+fn take_child(nodes: ptr<function, vec2u>, setup: RaySetup) -> u32 {
+    let bit = firstLeadingBit((*nodes).y);
+    let slot = (bit - 24u) ^ setup.octant;
+    (*nodes).y &= ~(1u << bit);
+    return (*nodes).x + countOneBits((*nodes).y & 0xffu & ~(0xffffffffu << slot));
+}
+
 // What a ray meets in one hierarchy; `local` is the ray in its space, `instance` replaces that of
 // the triangles unless it is NONE. With `any` the first hit that is found ends the walk.
 fn walk_tree(ray: Ray, local: Ray, root: u32, first: u32, instance: u32, any: bool) -> Hit {
@@ -68,15 +76,12 @@ fn walk_tree(ray: Ray, local: Ray, root: u32, first: u32, instance: u32, any: bo
         var triangles = vec2u(0u);
         if nodes.y > 0xffffffu {
             // The nearest child that waits; the rest goes to the stack.
-            let bit = firstLeadingBit(nodes.y);
-            let slot = (bit - 24u) ^ setup.octant;
-            nodes.y &= ~(1u << bit);
+            let node = root + take_child(&nodes, setup);
             if nodes.y > 0xffffffu && size < STACK {
                 stack[size] = nodes;
                 size++;
             }
-            let inner_before = countOneBits(nodes.y & 0xffu & ~(0xffffffffu << slot));
-            let groups = load_groups(root + nodes.x + inner_before, setup, hit.t);
+            let groups = load_groups(node, setup, hit.t);
             nodes = groups.nodes;
             triangles = groups.triangles;
         }
@@ -125,15 +130,11 @@ fn walk_placements(ray: Ray, known: Hit, any: bool) -> Hit {
     loop {
         var items = vec2u(0u);
         if nodes.y > 0xffffffu {
-            let bit = firstLeadingBit(nodes.y);
-            let slot = (bit - 24u) ^ setup.octant;
-            nodes.y &= ~(1u << bit);
+            let node = scene.placement_root + take_child(&nodes, setup);
             if nodes.y > 0xffffffu && size < STACK {
                 stack[size] = nodes;
                 size++;
             }
-            let inner_before = countOneBits(nodes.y & 0xffu & ~(0xffffffffu << slot));
-            let node = scene.placement_root + nodes.x + inner_before;
             let groups = load_groups(node, setup, hit.t);
             nodes = groups.nodes;
             items = groups.triangles;

@@ -6,7 +6,7 @@
 //! Limits: 16 B per texel of a sky map, in one list with everything else.
 
 use super::Emitters;
-use crate::gpu::{Constant, GROUP, Recorder, Value, kernel, record};
+use crate::gpu::{Constant, Recorder, Value, kernel};
 use crate::math::Discrete;
 use crate::surface::ViewFrame;
 use crate::surface::gpu::{GpuReceivers, ViewRecord};
@@ -82,23 +82,6 @@ pub const CONSTANTS: &[Constant] = &[
     word("SKY_MAP", SKY_MAP as usize),
 ];
 
-record! {
-    /// What [`Probe`] needs to know.
-    pub struct ProbeParams {
-        /// Points.
-        pub count: u32,
-        /// Of their sequence.
-        pub seed: u32,
-    }
-}
-
-kernel! {
-    /// Everything that is drawn from the sources at points of a sequence, for comparison.
-    pub struct Probe = "emitter/probe", [GROUP, 1, 1], scene,
-        [CONSTANTS, world::gpu::CONSTANTS, bvh::gpu::CONSTANTS];
-    uniform params: ProbeParams, write found: [f32; 48]
-}
-
 kernel! {
     /// The sky behind everything.
     struct Background = "emitter/background", [8, 8, 1], scene,
@@ -108,7 +91,7 @@ kernel! {
 
 /// Every kernel of this room.
 #[cfg(test)]
-pub(crate) const KERNELS: &[&crate::gpu::KernelInfo] = &[&Probe::INFO, &Background::INFO];
+pub(crate) const KERNELS: &[&crate::gpu::KernelInfo] = &[&Background::INFO];
 
 /// Radiance of the sky for pixels that see no surface; `offset_px` as for the receivers.
 pub fn record_background(
@@ -119,8 +102,7 @@ pub fn record_background(
 ) {
     let GpuReceivers { width, height, positions, emissions, .. } = receivers;
     let view = rec.uniform(&ViewRecord::new(view, offset_px));
-    let groups = [width.div_ceil(8) as u32, height.div_ceil(8) as u32, 1];
-    rec.dispatch(&Background { view, positions, emissions }, groups);
+    rec.dispatch_pixels(&Background { view, positions, emissions }, *width, *height);
 }
 
 /// The sources as words.

@@ -1,16 +1,37 @@
 //! Scenes with every kind of source, on processor and device.
 
+use crate::bvh;
 use crate::emitter::Emitters;
-use crate::emitter::gpu::pack;
-use crate::gpu::Gpu;
+use crate::emitter::gpu::{CONSTANTS, pack};
+use crate::gpu::{GROUP, Gpu, KernelInfo, kernel, record};
 use crate::math::hash_u32;
 use crate::surface::gpu::GpuReceivers;
 use crate::surface::{Receivers, ViewFrame};
-use crate::world::World;
 use crate::world::gpu::GpuWorld;
+use crate::world::{self, World};
 use glam::{Vec2, Vec3};
 use manylight_scene::{Camera, Light, Scene, Sky, SkyMap};
 use std::sync::OnceLock;
+
+record! {
+    /// What [`Probe`] needs to know.
+    pub struct ProbeParams {
+        /// Points.
+        pub count: u32,
+        /// Of their sequence.
+        pub seed: u32,
+    }
+}
+
+kernel! {
+    /// Everything that is drawn from the sources at points of a sequence, for comparison.
+    pub struct Probe = "emitter/probe", [GROUP, 1, 1], scene,
+        [CONSTANTS, world::gpu::CONSTANTS, bvh::gpu::CONSTANTS];
+    uniform params: ProbeParams, write found: [f32; 48]
+}
+
+/// Every kernel of this file.
+pub(crate) const KERNELS: &[&KernelInfo] = &[&Probe::INFO];
 
 /// A scene on both sides.
 pub(crate) struct Lit {

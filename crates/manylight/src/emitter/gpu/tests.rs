@@ -1,4 +1,4 @@
-use super::testing::{Lit, agree, scenes};
+use super::testing::{self, Lit, Probe, ProbeParams, agree, scenes};
 use super::*;
 use crate::gpu::Gpu;
 use crate::gpu::testing::{check_kernel, device};
@@ -9,7 +9,7 @@ const POINTS: u32 = 4096;
 
 #[test]
 fn kernels_match_their_shaders() {
-    KERNELS.iter().for_each(|kernel| check_kernel(kernel));
+    KERNELS.iter().chain(testing::KERNELS).for_each(|kernel| check_kernel(kernel));
 }
 
 fn probe(gpu: &Gpu, lit: &Lit) -> Vec<[f32; 48]> {

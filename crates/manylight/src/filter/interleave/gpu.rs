@@ -66,7 +66,7 @@ impl Join {
             shares,
             joined: &self.joined,
         };
-        rec.dispatch(&kernel, guides.groups());
+        rec.dispatch_pixels(&kernel, guides.width(), guides.height());
         rec.copy(&self.joined, 0, parts, self.joined.len());
     }
 }

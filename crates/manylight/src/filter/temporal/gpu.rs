@@ -165,7 +165,7 @@ impl GpuHistory {
             surfaces: &self.surfaces[now],
             motion: &self.motion,
         };
-        rec.dispatch(&reproject, guides.groups());
+        rec.dispatch_pixels(&reproject, guides.width(), guides.height());
         let most = settings.history.max(1) as f32;
         for (s, noisy) in noisy.iter().enumerate() {
             let [last, next] = [before, now].map(|frame| &self.signals[frame][s]);
@@ -181,7 +181,7 @@ impl GpuHistory {
                 shares: &next.shares,
                 frames: &next.frames,
             };
-            rec.dispatch(&kernel, guides.groups());
+            rec.dispatch_pixels(&kernel, guides.width(), guides.height());
         }
         (self.current, self.last) = (now, Some(Last { view: *view, offset_px, rays }));
         let signals = self.signals[now].iter().zip(noisy);

@@ -180,7 +180,7 @@ impl Lights {
 
 impl Gathered {
     fn new(gpu: &Gpu, vpls: usize, [width, height]: [usize; 2]) -> Result<Self, Error> {
-        let capacity = GridCapacity::for_vpls(vpls);
+        let capacity = GridCapacity::for_vpls(gpu, vpls);
         Ok(Self {
             grid: GpuGrid::new(gpu, &capacity)?,
             build: GridBuild::new(gpu, capacity)?,

@@ -135,7 +135,7 @@ impl GpuReceivers {
         let params = rec.uniform(&ReceiverParams { view, normal_maps, _pad: [0; 3] });
         let Self { width, height, positions, normals, albedos, emissions } = self;
         let kernel = TraceReceivers { params, positions, normals, albedos, emissions };
-        rec.dispatch(&kernel, [width.div_ceil(8) as u32, height.div_ceil(8) as u32, 1]);
+        rec.dispatch_pixels(&kernel, *width, *height);
     }
 
     /// Copies receivers to the device; `sky` is the radiance from a direction.

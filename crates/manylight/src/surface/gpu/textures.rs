@@ -124,6 +124,6 @@ impl GpuReceivers {
             albedos,
             emissions,
         };
-        rec.dispatch(&kernel, [width.div_ceil(8) as u32, height.div_ceil(8) as u32, 1]);
+        rec.dispatch_pixels(&kernel, *width, *height);
     }
 }

@@ -7,7 +7,7 @@
 use super::World;
 use crate::bvh::gpu::{GpuTree, NODE_WORDS};
 use crate::error::Error;
-use crate::gpu::{Buf, Constant, Gpu, Value, kernel, record};
+use crate::gpu::{Buf, Constant, Gpu, HeldBytes, Value, kernel, record};
 use glam::{Mat3, Vec3};
 use manylight_scene::{AlphaMode, Material, Mesh, TextureImage, TextureSlot, Wrap};
 
@@ -125,6 +125,7 @@ struct Lists {
     geometry: Buf<u32>,
     sources: Buf<u32>,
     textures: wgpu::TextureView,
+    _texture_bytes: HeldBytes,
 }
 
 /// Everything that is copied to the device.
@@ -146,13 +147,15 @@ impl GpuWorld {
         let mut packed = Packed::default();
         packed.add_tables(world, &atlas.places);
         packed.add_hierarchies(world);
+        let (textures, _texture_bytes) = atlas.upload(gpu, &world.scene.images);
         let lists = Lists {
             info: gpu.upload("scene", &[packed.info])?,
             nodes: gpu.upload("nodes of the hierarchy", &packed.nodes)?,
             triangles: gpu.upload("triangles", &packed.triangles)?,
             geometry: gpu.upload("geometry", &packed.geometry)?,
             sources: gpu.upload(SOURCES, sources)?,
-            textures: atlas.upload(gpu, &world.scene.images),
+            textures,
+            _texture_bytes,
         };
         Ok(Self { group: lists.group(gpu), lists })
     }
@@ -444,7 +447,7 @@ impl Atlas {
         Ok(Self { page, layers, places })
     }
 
-    fn upload(&self, gpu: &Gpu, images: &[TextureImage]) -> wgpu::TextureView {
+    fn upload(&self, gpu: &Gpu, images: &[TextureImage]) -> (wgpu::TextureView, HeldBytes) {
         let [width, height] = self.page;
         let size = wgpu::Extent3d { width, height, depth_or_array_layers: self.layers };
         let texture = gpu.device().create_texture(&wgpu::TextureDescriptor {
@@ -457,7 +460,7 @@ impl Atlas {
             usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
             view_formats: &[],
         });
-        gpu.count_bytes(4 * u64::from(width) * u64::from(height) * u64::from(self.layers));
+        let bytes = 4 * u64::from(width) * u64::from(height) * u64::from(self.layers);
         for (image, place) in images.iter().zip(&self.places) {
             let [width, height] = place.size;
             gpu.queue().write_texture(
@@ -476,10 +479,11 @@ impl Atlas {
                 wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
             );
         }
-        texture.create_view(&wgpu::TextureViewDescriptor {
+        let view = texture.create_view(&wgpu::TextureViewDescriptor {
             dimension: Some(wgpu::TextureViewDimension::D2Array),
             ..Default::default()
-        })
+        });
+        (view, gpu.hold_bytes(bytes))
     }
 }
 

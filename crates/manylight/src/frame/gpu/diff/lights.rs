@@ -89,7 +89,7 @@ struct Found {
 /// Builds the hierarchy of some lights on the device.
 fn build(gpu: &Gpu, lights: &[Vpl], mut rules: GridRules) -> Result<Found, Error> {
     let vpls = GpuVpls::upload(gpu, lights, 1)?;
-    let mut capacity = GridCapacity::for_vpls(lights.len());
+    let mut capacity = GridCapacity::for_vpls(gpu, lights.len());
     for _ in 0..MOST_TRIES {
         let grid = GpuGrid::new(gpu, &capacity)?;
         let mut rec = gpu.record(None);

@@ -37,11 +37,8 @@ use lights::{diff_grid, diff_vpls};
 use manylight_scene::Camera;
 use tally::{Tally, apart, apart_by_axis, colors, counts, numbers};
 
-/// Pixels whose ray to a sun or lamp may pass an edge.
+/// Pixels whose ray, to a surface or to a sun or lamp, may pass an edge.
 const EDGES_ALLOWED: f64 = 3e-3;
-/// Pixels whose camera ray may pass an edge, as a share of the picture's side: one may run along
-/// a line of pixel centers, as those of a room do that is seen along its axis.
-const EDGES_PER_SIDE: f64 = 0.25;
 /// Pixels of whose few rays to the sky one may pass an edge, or fall on a texel's border.
 const SKY_ALLOWED: f64 = 1e-2;
 /// Lights that give a pixel nothing within rounding, and count on one side alone.
@@ -129,11 +126,11 @@ impl<'a> Diff<'a> {
         let found = traced.download(gpu, view, offset_px)?;
         let emissions = colors_of(&gpu.read(&traced.emissions, usize::MAX)?);
         let diagonal = renderer.world.diagonal();
-        let mut rows = diff_receivers(&expected, &found, diagonal, edges_allowed(view));
+        let mut rows = diff_receivers(&expected, &found, diagonal, EDGES_ALLOWED);
         let sky = |direction| renderer.sky(direction);
         let emission = |s: &PixelSample| s.surface.map_or_else(|| sky(s.direction), |s| s.emission);
         let pairs = expected.samples.iter().map(emission).zip(emissions);
-        rows.push(colors(["receivers", "emission"], pairs, 1e-4, edges_allowed(view)));
+        rows.push(colors(["receivers", "emission"], pairs, 1e-4, EDGES_ALLOWED));
 
         let planes = GpuReceivers::upload(gpu, &expected, sky)?;
         let receivers = planes.download(gpu, view, offset_px)?;
@@ -466,11 +463,6 @@ impl<'a> Diff<'a> {
             self.rows.push(numbers(["composite", what], pairs, tolerance, 0.0));
         }
     }
-}
-
-/// Share of all pixels whose camera ray may pass an edge.
-fn edges_allowed(view: &ViewFrame) -> f64 {
-    EDGES_PER_SIDE / ((view.width * view.height) as f64).sqrt()
 }
 
 /// Compares what the camera sees but for its emission.

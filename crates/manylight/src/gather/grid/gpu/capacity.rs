@@ -51,8 +51,7 @@ impl GatherCapacity {
         height: usize,
         settings: &Settings,
     ) -> Self {
-        let limits = gpu.device().limits();
-        let most = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+        let most = gpu.max_list_bytes();
         self.slice_rays = self.slice_rays.min(settings.shadow.rays).max(1);
         let [x, y] = blocks_of(width, height, settings.interleave as usize);
         let blocks = self.band_blocks.min((x * y) as u32).max(1);

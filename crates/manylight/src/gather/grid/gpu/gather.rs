@@ -19,7 +19,7 @@ use crate::gpu::{Buf, Gpu, Recorder, kernel};
 use crate::settings::{Settings, ShadowTarget};
 use crate::surface::gpu::{CONSTANTS as SURFACE_CONSTANTS, GpuReceivers};
 use crate::vlight::vpl::gpu::VplRecord;
-use crate::{bvh, world};
+use crate::{bvh, shadow, world};
 
 const GROUP: u32 = TILE_PIXELS as u32;
 
@@ -74,7 +74,8 @@ kernel! {
 kernel! {
     /// Traces rays to virtual lights.
     struct Shadow = "gather/grid/gpu/shadow", [GROUP, 1, 1], scene,
-        [CONSTANTS, SURFACE_CONSTANTS, world::gpu::CONSTANTS, bvh::gpu::CONSTANTS];
+        [CONSTANTS, SURFACE_CONSTANTS, shadow::gpu::CONSTANTS, world::gpu::CONSTANTS,
+         bvh::gpu::CONSTANTS];
     uniform params: GatherParams, write picks: Pick, read positions: [f32; 4],
     read normals: [f32; 4], read vpls: VplRecord
 }
@@ -82,7 +83,8 @@ kernel! {
 kernel! {
     /// Traces rays to points in space.
     struct ShadowPoint = "gather/grid/gpu/shadow_point", [GROUP, 1, 1], scene,
-        [CONSTANTS, SURFACE_CONSTANTS, world::gpu::CONSTANTS, bvh::gpu::CONSTANTS];
+        [CONSTANTS, SURFACE_CONSTANTS, shadow::gpu::CONSTANTS, world::gpu::CONSTANTS,
+         bvh::gpu::CONSTANTS];
     uniform params: GatherParams, write picks: Pick, read positions: [f32; 4],
     read normals: [f32; 4], read targets: [f32; 4]
 }

@@ -533,37 +533,3 @@ fn degenerate_lights_and_pictures_are_gathered() {
     assert!(found.ratio.iter().all(|r| *r == [1.0; 2]));
     assert!(found.reach.alpha == 1.0 && found.stats.chunks == 0);
 }
-
-/// Times of all stages for 100,000 lights; run by hand.
-#[test]
-#[ignore = "a measurement"]
-fn measure_stages() {
-    let options = crate::gpu::GpuOptions { software: true, ..Default::default() };
-    let gpu = Gpu::open(&options).expect("device");
-    for scene in ["builtin:cornell", "builtin:atrium"] {
-        let case = Case::new(scene, "balanced", [320, 180], 100_000);
-        let receivers =
-            GpuReceivers::upload(&gpu, &case.receivers, |_| Vec3::ZERO).expect("receivers");
-        let grid = GpuGrid::upload(&gpu, &case.grid).expect("grid");
-        let world = GpuWorld::new(&gpu, &case.world, &[]).expect("world");
-        let settings = &case.settings;
-        let gather =
-            Gather::new(&gpu, 320, 180, settings, GatherCapacity::default()).expect("gather");
-        let out = GatherOut::new(&gpu, 320, 180).expect("output");
-        let d_min = case.d_min;
-        let input = GatherInput { receivers: &receivers, grid: &grid, settings, d_min, seed: SEED };
-        for _ in 0..3 {
-            let started = std::time::Instant::now();
-            let mut rec = gpu.record(Some(world.group()));
-            gather.record(&mut rec, &input, &out);
-            let times = rec.submit().wait().expect("done");
-            println!("{scene} {:?} {times:?}", started.elapsed());
-        }
-        println!("{:?} {:?}", gather.capacity(), gpu.read(&out.stats, 1).expect("stats"));
-        let sums = gpu.read(&out.unshadowed, usize::MAX).expect("sums");
-        println!("evals {}", sums.iter().map(|s| s[3]).sum::<f32>() / sums.len() as f32);
-        let started = std::time::Instant::now();
-        sample::gather(&case.world, &case.receivers, &case.grid, settings, d_min, SEED);
-        println!("processor {:?}", started.elapsed());
-    }
-}

@@ -3,7 +3,6 @@
 use crate::gather::grid::{TILE, contribution, draw, interleave, reach, sample, tiles};
 use crate::gpu::{Constant, Value, record};
 use crate::settings::{Settings, ShadowEstimate};
-use crate::shadow::SEGMENT_END;
 
 /// Tiles per side of a block, whose receivers share one search of the grid. Larger ones search less
 /// often and find more that reaches none of their tiles.
@@ -83,7 +82,6 @@ pub(super) const CONSTANTS: &[Constant] = &[
     f("LEAST_ALPHA", reach::ALPHAS[0]),
     f("MOST_ALPHA", reach::ALPHAS[1]),
     f("GROWTH", reach::GROWTH),
-    f("SEGMENT_END", SEGMENT_END),
 ];
 
 record! {

@@ -116,9 +116,12 @@ pub struct GridCapacity {
 }
 
 impl GridCapacity {
-    /// What most sets of some virtual lights need.
-    pub fn for_vpls(vpls: usize) -> Self {
-        Self { vpls, cells: vpls + 1024, lights: vpls + vpls / 4 + 4096 }
+    /// What most sets of some virtual lights need, as far as one list of the device holds it.
+    pub fn for_vpls(gpu: &Gpu, vpls: usize) -> Self {
+        let most = |record: usize| gpu.max_list_bytes() as usize / record;
+        let cells = (vpls + 1024).min(most(size_of::<CellRecord>()));
+        let lights = (vpls + vpls / 4 + 4096).min(most(size_of::<GridLightRecord>()));
+        Self { vpls, cells, lights }
     }
 
     /// Room for what a build needed, with some to spare; `None` where there was enough.

@@ -4,7 +4,7 @@
 import package::gather::grid::gpu::params;
 import package::vlight::vpl::record;
 import package::surface::octahedral;
-import package::world::rays;
+import package::shadow::shadow;
 
 @group(0) @binding(0) var<uniform> params: GatherParams;
 @group(0) @binding(1) var<storage, read_write> picks: array<Pick>;
@@ -29,9 +29,7 @@ fn main(
     let p = positions[pixel].xyz;
     let ng = unpack_octahedral(bitcast<u32>(normals[pixel].w));
     let vpl = vpls[light & INDEX_MASK];
-    let origin = p + ng * ray_offset(p);
-    let end = vpl.position + vpl.normal * ray_offset(vpl.position);
-    if !occluded(Ray(origin, SEGMENT_END, end - origin)) {
+    if !occluded(segment_ray(p + ng * ray_offset(p), vpl.position, vpl.normal)) {
         picks[place].light = light | IS_SEEN;
     }
 }

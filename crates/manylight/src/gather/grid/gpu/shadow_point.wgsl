@@ -3,7 +3,7 @@
 // A pick whose point is seen gets IS_SEEN.
 import package::gather::grid::gpu::params;
 import package::surface::octahedral;
-import package::world::rays;
+import package::shadow::shadow;
 
 @group(0) @binding(0) var<uniform> params: GatherParams;
 @group(0) @binding(1) var<storage, read_write> picks: array<Pick>;
@@ -27,7 +27,7 @@ fn main(
     }
     let p = positions[pixel].xyz;
     let origin = p + unpack_octahedral(bitcast<u32>(normals[pixel].w)) * ray_offset(p);
-    if !occluded(Ray(origin, SEGMENT_END, targets[place].xyz - origin)) {
+    if !occluded(point_ray(origin, targets[place].xyz)) {
         picks[place].light = light | IS_SEEN;
     }
 }
