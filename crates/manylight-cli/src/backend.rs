@@ -106,11 +106,11 @@ impl Engine {
         })
     }
 
-    /// Bytes that are held on a graphics device.
-    pub fn device_bytes(&self) -> Option<u64> {
+    /// Bytes that are held on a graphics device, by name.
+    pub fn device_lists(&self) -> Option<Vec<(&'static str, u64)>> {
         match self {
             Self::Cpu(_) => None,
-            Self::Gpu(engine, _) => Some(engine.gpu().bytes()),
+            Self::Gpu(engine, _) => Some(engine.gpu().lists()),
         }
     }
 

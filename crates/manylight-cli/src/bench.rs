@@ -187,8 +187,13 @@ fn frames(
         report.insert(name.to_owned(), spread(&mut times));
     }
     report.insert("peak_memory_mib".to_owned(), json!(memory::find_peak_mib()));
-    if let Some(bytes) = engine.device_bytes() {
+    if let Some(lists) = engine.device_lists() {
+        let bytes: u64 = lists.iter().map(|(_, bytes)| bytes).sum();
         report.insert("device_memory_mib".to_owned(), json!(bytes >> 20));
+        let of_some_size = lists.iter().filter(|(_, bytes)| bytes >> 20 > 0);
+        let lists: serde_json::Map<_, _> =
+            of_some_size.map(|(name, bytes)| ((*name).to_owned(), json!(bytes >> 20))).collect();
+        report.insert("device_lists_mib".to_owned(), lists.into());
     }
     Ok(Value::Object(report))
 }

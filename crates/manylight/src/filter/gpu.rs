@@ -4,7 +4,7 @@
 
 use super::{LEAST_TRUST, LEAST_VARIANCE, PLANE_SLACK, ROUNDING, sweep};
 use crate::error::Error;
-use crate::gpu::{Buf, Constant, GROUP, Gpu, KernelInfo, MAX_GROUPS, Recorder, Value};
+use crate::gpu::{Buf, Constant, GROUP, KernelInfo, MAX_GROUPS, Memory, Recorder, Value};
 use crate::gpu::{kernel, record};
 use crate::settings::FilterSettings;
 use crate::surface::ViewFrame;
@@ -140,11 +140,11 @@ impl Guides {
     /// Room for the guides of a picture.
     ///
     /// Errors: more pixels than the device can hold in one list
-    pub fn new(gpu: &Gpu, width: usize, height: usize) -> Result<Self, Error> {
+    pub fn new(memory: &impl Memory, width: usize, height: usize) -> Result<Self, Error> {
         Ok(Self {
             size: [width as u32, height as u32],
-            positions: gpu.buffer("guide positions", width * height)?,
-            normals: gpu.buffer("guide normals", width * height)?,
+            positions: memory.list("guide positions", width * height)?,
+            normals: memory.list("guide normals", width * height)?,
         })
     }
 
@@ -209,12 +209,18 @@ impl Filter {
     /// Memory for up to `signals` signals.
     ///
     /// Errors: more pixels than the device can hold in one list
-    pub fn new(gpu: &Gpu, width: usize, height: usize, signals: usize) -> Result<Self, Error> {
+    pub fn new(
+        memory: &impl Memory,
+        width: usize,
+        height: usize,
+        signals: usize,
+    ) -> Result<Self, Error> {
+        let gpu = memory.gpu();
         let pixels = width * height;
-        let pair = || gpu.buffer("pairs of shares", pixels);
-        let filtered = (0..signals).map(|_| gpu.buffer("filtered shares", pixels));
+        let pair = || memory.list("pairs of shares", pixels);
+        let filtered = (0..signals).map(|_| memory.list("filtered shares", pixels));
         Ok(Self {
-            guess: gpu.buffer("guessed shares", pixels)?,
+            guess: memory.list("guessed shares", pixels)?,
             pairs: [pair()?, pair()?],
             one_frame: gpu.upload("one frame", &[1.0])?,
             nothing: gpu.buffer("no shares", 1)?,
@@ -305,6 +311,7 @@ mod tests {
     use super::*;
     use crate::filter::{Noisy, atrous};
     use crate::frame::Renderer;
+    use crate::gpu::Gpu;
     use crate::gpu::testing::{check_kernel, device};
     use crate::math::{hash_u32, unit_f32};
     use crate::surface::Receivers;

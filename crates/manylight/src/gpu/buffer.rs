@@ -1,9 +1,11 @@
 //! Buffers that know what they hold.
 
 use super::Gpu;
+use super::pool::Block;
+use std::cmp::Reverse;
+use std::collections::BTreeMap;
 use std::marker::PhantomData;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Something that a buffer holds: plain bytes with the layout of a shader's type.
 pub trait Record: bytemuck::Pod {
@@ -34,23 +36,47 @@ macro_rules! record {
 }
 pub(crate) use record;
 
+/// What a device holds: bytes by name.
+#[derive(Debug, Default)]
+pub struct Account(Mutex<BTreeMap<&'static str, u64>>);
+
+impl Account {
+    /// Bytes by name, the most first.
+    pub fn list(&self) -> Vec<(&'static str, u64)> {
+        let held = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut list: Vec<_> = held.iter().map(|(&name, &bytes)| (name, bytes)).collect();
+        list.sort_by_key(|&(name, bytes)| (Reverse(bytes), name));
+        list
+    }
+
+    fn change(&self, name: &'static str, change: impl FnOnce(u64) -> u64) {
+        let mut held = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let bytes = held.get(name).copied().unwrap_or(0);
+        match change(bytes) {
+            0 => held.remove(name),
+            bytes => held.insert(name, bytes),
+        };
+    }
+}
+
 /// Some bytes on the account of a device.
 #[derive(Debug)]
 pub struct HeldBytes {
-    account: Arc<AtomicU64>,
+    account: Arc<Account>,
+    name: &'static str,
     bytes: u64,
 }
 
 impl HeldBytes {
-    pub(super) fn new(account: Arc<AtomicU64>, bytes: u64) -> Self {
-        account.fetch_add(bytes, Ordering::Relaxed);
-        Self { account, bytes }
+    pub(super) fn new(account: Arc<Account>, name: &'static str, bytes: u64) -> Self {
+        account.change(name, |held| held + bytes);
+        Self { account, name, bytes }
     }
 }
 
 impl Drop for HeldBytes {
     fn drop(&mut self) {
-        self.account.fetch_sub(self.bytes, Ordering::Relaxed);
+        self.account.change(self.name, |held| held - self.bytes);
     }
 }
 
@@ -60,7 +86,7 @@ pub struct Buf<T> {
     raw: wgpu::Buffer,
     len: usize,
     name: &'static str,
-    _bytes: HeldBytes,
+    held: Arc<HeldBytes>,
     holds: PhantomData<fn() -> T>,
 }
 
@@ -72,16 +98,41 @@ impl<T: Record> Buf<T> {
             | wgpu::BufferUsages::INDIRECT
             | wgpu::BufferUsages::COPY_DST
             | wgpu::BufferUsages::COPY_SRC;
-        let size = (len.max(1) * size_of::<T>()) as u64;
-        // Mapping asks for multiples of four bytes.
-        let size = size.next_multiple_of(4);
+        let size = Self::bytes(len);
         let raw = gpu.device().create_buffer(&wgpu::BufferDescriptor {
             label: Some(name),
             size,
             usage,
             mapped_at_creation: false,
         });
-        Self { raw, len, name, _bytes: gpu.hold_bytes(size), holds: PhantomData }
+        Self { raw, len, name, held: Arc::new(gpu.hold_bytes(name, size)), holds: PhantomData }
+    }
+
+    /// Bytes of `len` records.
+    pub(super) fn bytes(len: usize) -> u64 {
+        let size = (len.max(1) * size_of::<T>()) as u64;
+        // Mapping asks for multiples of four bytes.
+        size.next_multiple_of(4)
+    }
+
+    /// A list in memory that other lists use at other times.
+    pub(super) fn within(block: &Block, name: &'static str, len: usize) -> Self {
+        let Block { raw, held } = block.clone();
+        Self { raw, len, name, held, holds: PhantomData }
+    }
+
+    /// The memory of the list.
+    pub(super) fn block(&self) -> Block {
+        Block { raw: self.raw.clone(), held: self.held.clone() }
+    }
+
+    /// What a kernel is bound to: the list and no more, where its memory is larger.
+    pub fn binding(&self) -> wgpu::BindingResource<'_> {
+        wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+            buffer: &self.raw,
+            offset: 0,
+            size: wgpu::BufferSize::new(Self::bytes(self.len)),
+        })
     }
 
     /// Records.

@@ -1,12 +1,11 @@
 //! Opening a device, its pipelines, and reading back from it.
 
-use super::buffer::HeldBytes;
+use super::buffer::{Account, HeldBytes};
 use super::recorder::{Arena, Recorder};
 use super::{Buf, Features, KernelInfo, Record, SHADERS, link};
 use crate::error::Error;
 use crate::settings::GpuSettings;
 use std::collections::HashMap;
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// How to open a device.
@@ -70,7 +69,7 @@ pub struct Gpu {
     pipelines: Mutex<HashMap<&'static str, wgpu::ComputePipeline>>,
     /// Those that no recording holds.
     arenas: Arc<Mutex<Vec<Arena>>>,
-    bytes_held: Arc<AtomicU64>,
+    account: Arc<Account>,
     /// The first thing that went wrong on the device.
     problem: Arc<Mutex<Option<String>>>,
 }
@@ -211,7 +210,7 @@ impl Gpu {
             scene_layout,
             pipelines: Mutex::default(),
             arenas: Arc::default(),
-            bytes_held: Arc::default(),
+            account: Arc::default(),
             problem: Arc::default(),
         })
     }
@@ -257,12 +256,17 @@ impl Gpu {
 
     /// Bytes of all buffers that are held at present.
     pub fn bytes(&self) -> u64 {
-        self.bytes_held.load(Ordering::Relaxed)
+        self.lists().iter().map(|(_, bytes)| bytes).sum()
+    }
+
+    /// Bytes of all buffers and textures that are held at present, by name, the most first.
+    pub fn lists(&self) -> Vec<(&'static str, u64)> {
+        self.account.list()
     }
 
     /// Keeps account of memory that is no [`Buf`], until the account is dropped.
-    pub fn hold_bytes(&self, bytes: u64) -> HeldBytes {
-        HeldBytes::new(self.bytes_held.clone(), bytes)
+    pub fn hold_bytes(&self, name: &'static str, bytes: u64) -> HeldBytes {
+        HeldBytes::new(self.account.clone(), name, bytes)
     }
 
     /// Most bytes of one list.

@@ -96,9 +96,9 @@ macro_rules! kernel {
     (@type texture, $type:ty, $life:lifetime) => { &$life wgpu::TextureView };
     (@type store, $type:ty, $life:lifetime) => { &$life wgpu::TextureView };
     (@bind uniform, $value:expr, $uniforms:ident) => { $value.binding($uniforms) };
-    (@bind shared, $value:expr, $uniforms:ident) => { $value.raw().as_entire_binding() };
-    (@bind read, $value:expr, $uniforms:ident) => { $value.raw().as_entire_binding() };
-    (@bind write, $value:expr, $uniforms:ident) => { $value.raw().as_entire_binding() };
+    (@bind shared, $value:expr, $uniforms:ident) => { $value.binding() };
+    (@bind read, $value:expr, $uniforms:ident) => { $value.binding() };
+    (@bind write, $value:expr, $uniforms:ident) => { $value.binding() };
     (@bind texture, $value:expr, $uniforms:ident) => {
         wgpu::BindingResource::TextureView($value)
     };

@@ -13,6 +13,7 @@ mod features;
 mod kernel;
 mod later;
 mod linker;
+mod pool;
 mod recorder;
 pub mod scan;
 mod shaders;
@@ -29,6 +30,7 @@ pub use kernel::{Access, Constant, Kernel, KernelInfo, Port, STORE_FORMAT, Value
 pub(crate) use later::take_record;
 pub use later::{Arrival, Later};
 pub use linker::{Sources, link};
+pub use pool::{Memory, Phase, Pool};
 pub use recorder::{Recorder, Uniform};
 pub use shaders::SHADERS;
 pub use timer::StageTime;

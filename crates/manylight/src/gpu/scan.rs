@@ -3,7 +3,7 @@
 //! The specification is a running sum; the device adds up blocks, scans their sums the same way,
 //! and adds them back.
 
-use super::{Buf, Constant, Gpu, KernelInfo, Recorder, Value, kernel, record};
+use super::{Buf, Constant, KernelInfo, Memory, Recorder, Value, kernel, record};
 use crate::error::Error;
 
 /// Values that one workgroup scans.
@@ -44,12 +44,12 @@ impl Scan {
     /// Memory for lists of up to `most` values.
     ///
     /// Errors: more than the device can hold
-    pub fn new(gpu: &Gpu, most: usize) -> Result<Self, Error> {
+    pub fn new(memory: &impl Memory, most: usize) -> Result<Self, Error> {
         let mut sums = Vec::new();
         let mut count = most;
         loop {
             count = count.div_ceil(SCAN_BLOCK as usize);
-            sums.push(gpu.buffer("sums of blocks", count)?);
+            sums.push(memory.list("sums of blocks", count)?);
             if count <= 1 {
                 return Ok(Self { sums });
             }

@@ -1,6 +1,6 @@
 use super::scan::Scan;
 use super::testing::{device, device_with};
-use super::{Arrival, Feature, Gpu};
+use super::{Arrival, Feature, Gpu, Memory, Pool};
 use crate::math::hash_u32;
 
 #[test]
@@ -89,4 +89,50 @@ fn what_goes_wrong_on_someone_elses_device_is_a_sentence() {
     let problem = invalid.expect_err("invalid").to_string();
     assert!(problem.contains("theirs: ") && problem.lines().count() == 1, "{problem}");
     gpu.guard(|| Ok(())).expect("nothing is left of it");
+}
+
+#[test]
+fn lists_of_different_phases_share_memory_and_those_of_one_do_not() {
+    let Some(gpu) = device() else { return };
+    let pool = Pool::new(gpu);
+    let held = |name| gpu.lists().iter().find(|(n, _)| *n == name).map_or(0, |&(_, bytes)| bytes);
+    let first = pool.phase();
+    let large = first.list::<u32>("pool: large", 5000).expect("list");
+    let small = first.list::<u32>("pool: small", 100).expect("list");
+    assert_ne!(large.raw(), small.raw());
+    let second = pool.phase();
+    let middle = second.list::<[u32; 4]>("pool: middle", 1000).expect("list");
+    let own = second.list::<u32>("pool: own", 101).expect("list");
+    assert_eq!(middle.raw(), large.raw(), "the least that has room");
+    assert_ne!(own.raw(), small.raw(), "too small by one");
+    // What goes on from a phase keeps its lists.
+    let third = pool.phase();
+    let kept = third.list::<u32>("pool: kept", 5000).expect("list");
+    let branch = third.clone();
+    let other = branch.list::<u32>("pool: other", 90).expect("list");
+    assert_eq!((kept.raw(), other.raw()), (large.raw(), small.raw()));
+    assert_eq!(held("pool: large") + held("pool: small") + held("pool: own"), 20_000 + 400 + 404);
+    assert_eq!(held("pool: middle") + held("pool: kept") + held("pool: other"), 0);
+    drop((pool, first, second, third, branch, large, middle));
+    assert_eq!(held("pool: large"), 20_000, "another list is in it");
+    drop(kept);
+    assert_eq!(held("pool: large"), 0);
+}
+
+#[test]
+fn a_list_ends_where_its_memory_goes_on() {
+    let Some(gpu) = device() else { return };
+    let pool = Pool::new(gpu);
+    let stale = pool.phase().list::<u32>("stale", 70_000).expect("list");
+    gpu.write(&stale, &vec![9; 70_000]);
+    let phase = pool.phase();
+    let values = phase.list::<u32>("values", 3000).expect("list");
+    gpu.write(&values, &vec![1; 3000]);
+    let scan = Scan::new(&phase, 3000).expect("scan");
+    let mut rec = gpu.record(None);
+    scan.record(&mut rec, &values, 3000);
+    rec.submit().wait().expect("done");
+    let sums: Vec<u32> = (0..3000).collect();
+    assert_eq!(gpu.read(&values, 70_000).expect("read"), sums);
+    assert_eq!(gpu.read(&stale, 70_000).expect("read")[3000..], vec![9; 67_000]);
 }

@@ -5,7 +5,7 @@
 use super::MOST_TRUST;
 use crate::error::Error;
 use crate::filter::gpu::{Guides, TILE};
-use crate::gpu::{Buf, Constant, Gpu, Recorder, Value};
+use crate::gpu::{Buf, Constant, Memory, Recorder, Value};
 use crate::gpu::{kernel, record};
 use crate::surface::gpu::GpuReceivers;
 
@@ -41,8 +41,8 @@ impl Join {
     /// Room for a picture.
     ///
     /// Errors: more pixels than the device can hold in one list
-    pub fn new(gpu: &Gpu, width: usize, height: usize) -> Result<Self, Error> {
-        Ok(Self { joined: gpu.buffer("joined parts of the light", width * height)? })
+    pub fn new(memory: &impl Memory, width: usize, height: usize) -> Result<Self, Error> {
+        Ok(Self { joined: memory.list("joined parts of the light", width * height)? })
     }
 
     /// Puts the parts of an irradiance together, and corrects the trust in its shares; twin of

@@ -1,13 +1,13 @@
 //! Everything that a frame works on, kept from frame to frame.
 
 use super::GpuRenderer;
-use super::lights::{Lights, Needs};
+use super::lights::{Lights, Needs, SetRoom};
 use crate::composite::gpu::GpuLayers;
 use crate::error::Error;
 use crate::filter::gpu::{Filter, Guides};
 use crate::filter::interleave::gpu::Join;
 use crate::gather::grid::gpu::{Gather, GatherCapacity};
-use crate::gpu::{Buf, Gpu, Later, Recorder};
+use crate::gpu::{Buf, Gpu, Later, Pool, Recorder};
 use crate::settings::{Method, Settings, ShadowSettings};
 use crate::surface::gpu::GpuReceivers;
 use std::sync::Arc;
@@ -23,13 +23,15 @@ struct Shape {
     shadow: ShadowSettings,
     interleave: u32,
     has_sky: bool,
+    has_emitters: bool,
 }
 
 impl Shape {
-    fn new(size: [usize; 2], settings: &Settings, has_sky: bool) -> Self {
+    fn new(size: [usize; 2], settings: &Settings, has_sky: bool, has_emitters: bool) -> Self {
         Self {
             size,
             has_sky,
+            has_emitters,
             method: settings.method,
             samples: settings.film.samples,
             vpls: [settings.vpls.count, settings.vpls.bounces, settings.vpls.emitter_count],
@@ -62,16 +64,19 @@ pub(super) struct GatherRef<'a> {
     pub is_direct: bool,
 }
 
-/// The buffers of a frame.
+/// What lists have room for, as far as frames have told.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Room {
+    gather: GatherCapacity,
+    emitted: SetRoom,
+    bounced: SetRoom,
+}
+
+/// What makes lights, gathers and filters them, in memory that they take in turns.
 #[derive(Debug)]
-pub(super) struct Buffers {
-    shape: Shape,
-    /// Another one whenever a list is another one.
-    generation: Arc<()>,
-    pub receivers: GpuReceivers,
-    /// From sun, point and spot lights.
-    pub irradiance: Buf<[f32; 4]>,
-    pub sky: Option<Part>,
+pub(super) struct Work {
+    /// Of the sets of lights, for when all of it is made anew.
+    sets: [SetRoom; 2],
     /// Lights on emissive surfaces, where there are any.
     pub emitted: Option<Lights>,
     /// Lights on what light paths hit, unless direct light is all that is asked for.
@@ -82,6 +87,57 @@ pub(super) struct Buffers {
     /// Where pixels see parts of the lights.
     pub join: Option<Join>,
     pub filter: Filter,
+}
+
+impl Work {
+    fn new(gpu: &Gpu, shape: &Shape, settings: &Settings, room: Room) -> Result<Self, Error> {
+        let [width, height] = shape.size;
+        let pool = Pool::new(gpu);
+        // The largest lists come first.
+        let gather = Gather::new(&pool.phase(), width, height, settings, room.gather)?;
+        let lights = |on_emitters, room: &SetRoom| {
+            Lights::new(gpu, &pool, on_emitters, shape.size, settings, room)
+        };
+        let has_bounced = shape.method != Method::Direct;
+        let bounced = has_bounced.then(|| lights(false, &room.bounced)).transpose()?;
+        let emitted = shape.has_emitters.then(|| lights(true, &room.emitted)).transpose()?;
+        let filtering = pool.phase();
+        let has_signals = [shape.has_sky, shape.has_emitters, has_bounced];
+        let signals = has_signals.into_iter().filter(|has| *has).count();
+        let guides = Guides::new(&filtering, width, height)?;
+        let join = shape.is_interleaved().then(|| Join::new(&filtering, width, height));
+        Ok(Self {
+            sets: [room.emitted, room.bounced],
+            emitted,
+            bounced,
+            gather,
+            guides,
+            join: join.transpose()?,
+            filter: Filter::new(&filtering, width, height, signals)?,
+        })
+    }
+
+    fn room(&self) -> Room {
+        let [emitted, bounced] = self.sets;
+        Room { gather: *self.gather.capacity(), emitted, bounced }
+    }
+
+    fn lights(&self) -> impl Iterator<Item = &Lights> {
+        self.emitted.iter().chain(&self.bounced)
+    }
+}
+
+/// The buffers of a frame.
+#[derive(Debug)]
+pub(super) struct Buffers {
+    shape: Shape,
+    /// Another one whenever a list is another one.
+    generation: Arc<()>,
+    pub receivers: GpuReceivers,
+    /// From sun, point and spot lights.
+    pub irradiance: Buf<[f32; 4]>,
+    pub sky: Option<Part>,
+    pub work: Work,
     pub layers: GpuLayers,
 }
 
@@ -96,93 +152,74 @@ impl Buffers {
         settings: &Settings,
     ) -> Result<Self, Error> {
         let emitters = &renderer.renderer().emitters;
-        let shape = Shape::new(size, settings, emitters.sky.is_some());
-        let has_emitters = !emitters.surface.is_empty();
+        let (has_sky, has_emitters) = (emitters.sky.is_some(), !emitters.surface.is_empty());
+        let shape = Shape::new(size, settings, has_sky, has_emitters);
         match kept {
             Some(kept) if kept.shape == shape => Ok(kept),
-            Some(kept) => kept.refitted(renderer.gpu(), shape, has_emitters, settings),
-            None => Self::new(renderer.gpu(), shape, has_emitters, settings),
+            Some(kept) if kept.shape.size == size => kept.refitted(renderer.gpu(), shape, settings),
+            kept => {
+                drop(kept);
+                Self::new(renderer.gpu(), shape, settings)
+            }
         }
     }
 
-    fn new(
-        gpu: &Gpu,
-        shape: Shape,
-        has_emitters: bool,
-        settings: &Settings,
-    ) -> Result<Self, Error> {
+    fn new(gpu: &Gpu, shape: Shape, settings: &Settings) -> Result<Self, Error> {
         let [width, height] = shape.size;
-        let lights = |on_emitters| Lights::new(gpu, on_emitters, shape.size, settings);
-        let has_bounced = shape.method != Method::Direct;
         Ok(Self {
             generation: Arc::default(),
             receivers: GpuReceivers::new(gpu, width, height)?,
             irradiance: gpu.buffer("direct irradiance", width * height)?,
             sky: shape.has_sky.then(|| Part::new(gpu, shape.size)).transpose()?,
-            emitted: has_emitters.then(|| lights(true)).transpose()?,
-            bounced: has_bounced.then(|| lights(false)).transpose()?,
-            gather: Gather::new(gpu, width, height, settings, GatherCapacity::default())?,
-            guides: Guides::new(gpu, width, height)?,
-            join: shape.is_interleaved().then(|| Join::new(gpu, width, height)).transpose()?,
-            filter: Filter::new(gpu, width, height, 3)?,
+            work: Work::new(gpu, &shape, settings, Room::default())?,
             layers: GpuLayers::new(gpu, width, height, shape.samples)?,
             shape,
         })
     }
 
     /// Makes anew what another shape asks for; what it leaves as it was keeps what it has learned.
-    fn refitted(
-        mut self,
-        gpu: &Gpu,
-        shape: Shape,
-        has_emitters: bool,
-        settings: &Settings,
-    ) -> Result<Self, Error> {
-        let old = std::mem::replace(&mut self.shape, shape.clone());
-        if old.size != shape.size {
-            drop(self);
-            return Self::new(gpu, shape, has_emitters, settings);
-        }
+    fn refitted(self, gpu: &Gpu, shape: Shape, settings: &Settings) -> Result<Self, Error> {
+        let Self { shape: old, receivers, irradiance, mut sky, work, mut layers, .. } = self;
         let [width, height] = shape.size;
-        self.generation = Arc::default();
         if old.samples != shape.samples {
-            self.layers = GpuLayers::new(gpu, width, height, shape.samples)?;
+            drop(layers);
+            layers = GpuLayers::new(gpu, width, height, shape.samples)?;
         }
         if old.has_sky != shape.has_sky {
-            self.sky = shape.has_sky.then(|| Part::new(gpu, shape.size)).transpose()?;
+            sky = shape.has_sky.then(|| Part::new(gpu, shape.size)).transpose()?;
         }
-        if old.is_interleaved() != shape.is_interleaved() {
-            let join = || Join::new(gpu, width, height);
-            self.join = shape.is_interleaved().then(join).transpose()?;
-        }
+        let mut room = work.room();
         if old.shadow != shape.shadow || old.interleave != shape.interleave {
-            let &GatherCapacity { block_chunks, frontier, .. } = self.gather.capacity();
-            let fresh = GatherCapacity::default();
-            let capacity = GatherCapacity { block_chunks, frontier, ..fresh };
-            self.gather = Gather::new(gpu, width, height, settings, capacity)?;
+            let GatherCapacity { block_chunks, frontier, .. } = room.gather;
+            room.gather = GatherCapacity { block_chunks, frontier, ..GatherCapacity::default() };
         }
-        let (was_brute, is_brute) = (old.method == Method::Brute, shape.method == Method::Brute);
-        let lights = |on_emitters| Lights::new(gpu, on_emitters, shape.size, settings);
-        if was_brute != is_brute || old.vpls[2] != shape.vpls[2] {
-            self.emitted = None;
-            self.emitted = has_emitters.then(|| lights(true)).transpose()?;
+        if old.vpls[2] != shape.vpls[2] {
+            room.emitted = SetRoom::default();
         }
-        if old.method != shape.method || old.vpls[..2] != shape.vpls[..2] {
-            self.bounced = None;
-            let has_bounced = shape.method != Method::Direct;
-            self.bounced = has_bounced.then(|| lights(false)).transpose()?;
+        if old.vpls[..2] != shape.vpls[..2] {
+            room.bounced = SetRoom::default();
         }
-        Ok(self)
+        let is_same_work = Shape { samples: old.samples, ..shape.clone() } == old;
+        let work = if is_same_work {
+            work
+        } else {
+            drop(work);
+            Work::new(gpu, &shape, settings, room)?
+        };
+        let generation = Arc::default();
+        Ok(Self { shape, generation, receivers, irradiance, sky, work, layers })
     }
 
     /// Whether they are those of frames of a size with some settings.
     pub fn fits(&self, size: [usize; 2], settings: &Settings) -> bool {
-        self.shape == Shape::new(size, settings, self.shape.has_sky)
+        let Shape { has_sky, has_emitters, .. } = self.shape;
+        self.shape == Shape::new(size, settings, has_sky, has_emitters)
     }
 
     /// Forgets how many levels the grids of other lights should have had at most.
     pub fn forget_levels(&mut self) {
-        self.emitted.iter_mut().chain(&mut self.bounced).for_each(Lights::forget_levels);
+        let Work { emitted, bounced, .. } = &mut self.work;
+        emitted.iter_mut().chain(bounced).for_each(Lights::forget_levels);
     }
 
     /// Stays the same as long as every list does.
@@ -199,7 +236,7 @@ impl Buffers {
             rays: super::sky_rays(settings),
             is_direct: true,
         });
-        let lights = [(&self.emitted, true), (&self.bounced, false)];
+        let lights = [(&self.work.emitted, true), (&self.work.bounced, false)];
         let lights = lights.into_iter().filter_map(|(lights, is_direct)| {
             let out = &lights.as_ref()?.gathered.as_ref()?.out;
             Some(GatherRef { unshadowed: &out.unshadowed, ratio: &out.ratio, rays, is_direct })
@@ -209,11 +246,12 @@ impl Buffers {
 
     /// What a stage of the last frame made, as far as that was read back.
     pub fn count_of(&self, stage: &str) -> u64 {
-        let lights = |f: fn(&Lights) -> u32| self.lights().map(|l| u64::from(f(l))).sum::<u64>();
+        let lights =
+            |f: fn(&Lights) -> u32| self.work.lights().map(|l| u64::from(f(l))).sum::<u64>();
         let vpls = |lights: &Option<Lights>| lights.as_ref().map_or(0, |l| l.info.count.into());
         match stage {
-            "emitter vpls" => vpls(&self.emitted),
-            "vpls" => vpls(&self.bounced),
+            "emitter vpls" => vpls(&self.work.emitted),
+            "vpls" => vpls(&self.work.bounced),
             "grid" => lights(|l| l.grid_lights),
             _ => 0,
         }
@@ -221,45 +259,50 @@ impl Buffers {
 
     /// Brings back what the frame recorded so far would have needed.
     pub fn record_needs(&self, rec: &mut Recorder<'_>) -> Later {
-        let records: Vec<_> = self.lights().flat_map(Lights::needs_records).collect();
+        let records: Vec<_> = self.work.lights().flat_map(Lights::needs_records).collect();
         rec.read_later(&records)
     }
 
     /// What came back.
     pub fn parse_needs(&self, mut bytes: &[u8]) -> Vec<Needs> {
-        self.lights().map(|lights| lights.take_needs(&mut bytes)).collect()
+        self.work.lights().map(|lights| lights.take_needs(&mut bytes)).collect()
     }
 
     /// Waits for what the last frame would have needed.
     ///
     /// Errors: what the device reported
     pub fn read_needs(&self, gpu: &Gpu) -> Result<Vec<Needs>, Error> {
-        self.lights().map(|lights| lights.read_needs(gpu)).collect()
+        self.work.lights().map(|lights| lights.read_needs(gpu)).collect()
     }
 
-    /// Makes room for what a frame would have needed; whether it lacked any.
+    /// Makes room for what a frame would have needed; tells whether it lacked any.
     ///
-    /// Errors: more than the device can hold
-    pub fn grow(&mut self, gpu: &Gpu, settings: &Settings, needs: &[Needs]) -> Result<bool, Error> {
+    /// Errors: more than the device can hold; then nothing is left
+    pub fn grown(
+        mut self,
+        gpu: &Gpu,
+        settings: &Settings,
+        needs: &[Needs],
+    ) -> Result<(Self, bool), Error> {
+        let mut room = self.work.room();
+        let Work { emitted, bounced, .. } = &mut self.work;
+        let sets = [(emitted, &mut room.emitted), (bounced, &mut room.bounced)];
+        let sets = sets.into_iter().filter_map(|(lights, room)| Some((lights.as_mut()?, room)));
         let mut lacked = false;
-        let mut capacity = *self.gather.capacity();
-        for (lights, needs) in self.emitted.iter_mut().chain(&mut self.bounced).zip(needs) {
-            lacked |= lights.grow(gpu, settings, needs)?;
-            capacity = capacity.grown(&needs.gather).unwrap_or(capacity);
+        for ((lights, set_room), needs) in sets.zip(needs) {
+            lacked |= lights.learn(settings, needs, set_room);
+            room.gather = room.gather.grown(&needs.gather).unwrap_or(room.gather);
         }
-        if capacity != *self.gather.capacity() {
-            let [width, height] = self.shape.size;
-            self.gather = Gather::new(gpu, width, height, settings, capacity)?;
-            lacked = true;
+        lacked |= room.gather != *self.work.gather.capacity();
+        if !lacked {
+            return Ok((self, false));
         }
-        if lacked {
-            self.generation = Arc::default();
-        }
-        Ok(lacked)
-    }
-
-    fn lights(&self) -> impl Iterator<Item = &Lights> {
-        self.emitted.iter().chain(&self.bounced)
+        let Self { shape, receivers, irradiance, sky, work, layers, .. } = self;
+        // What grows must not stand beside what it was.
+        drop(work);
+        let work = Work::new(gpu, &shape, settings, room)?;
+        let generation = Arc::default();
+        Ok((Self { shape, generation, receivers, irradiance, sky, work, layers }, true))
     }
 }
 

@@ -6,7 +6,7 @@ use crate::gather::grid::DETAIL;
 use crate::gather::grid::gpu::{
     GatherInput, GatherOut, GatherStats, GpuGrid, GridBuild, GridCapacity, GridInfo, GridRules,
 };
-use crate::gpu::{Gpu, Recorder, take_record};
+use crate::gpu::{Gpu, Memory, Pool, Recorder, take_record};
 use crate::settings::{MAX_LEVELS, Method, Settings};
 use crate::vlight::vpl::gpu::{EmitterTracer, GpuVpls, VplInfo, VplTracer};
 
@@ -27,6 +27,16 @@ pub(super) struct Gathered {
     pub out: GatherOut,
     /// Most levels, where more would make too many grid lights.
     level_cap: u32,
+}
+
+/// What a set has room for, as far as frames have told.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct SetRoom {
+    grid: Option<GridCapacity>,
+    /// Rounds of light paths.
+    rounds: Option<u32>,
+    /// Most levels, where more would make too many grid lights.
+    level_cap: Option<u32>,
 }
 
 /// What a frame would have needed of a set, and what it found.
@@ -50,27 +60,38 @@ pub(super) struct Lights {
 }
 
 impl Lights {
-    /// Room for about `count` lights, on emissive surfaces or from light paths.
+    /// Memory for a set on emissive surfaces or from light paths; `pool` for what is needed only
+    /// until there is a grid.
     ///
     /// Errors: more than the device can hold
     pub fn new(
         gpu: &Gpu,
+        pool: &Pool<'_>,
         on_emitters: bool,
         size: [usize; 2],
         settings: &Settings,
+        room: &SetRoom,
     ) -> Result<Self, Error> {
         let (count, bounces) = match on_emitters {
             true => (settings.vpls.emitter_count, 1),
             false => (settings.vpls.count, settings.vpls.bounces),
         };
-        let tracer = match on_emitters {
-            true => Tracer::Emitters(EmitterTracer::new(gpu, count)?),
-            false => Tracer::Paths(Box::new(VplTracer::new(gpu, count, bounces)?)),
+        let making = pool.phase();
+        let (vpls, gathered) = match settings.method {
+            Method::Brute => (GpuVpls::new(gpu, count, bounces)?, None),
+            _ => {
+                let vpls = GpuVpls::new(&making, count, bounces)?;
+                let gathered = Gathered::new(gpu, &making.clone(), vpls.lights.len(), size, room)?;
+                (vpls, Some(gathered))
+            }
         };
-        let vpls = GpuVpls::new(gpu, count, bounces)?;
-        let gathered = match settings.method {
-            Method::Brute => None,
-            _ => Some(Gathered::new(gpu, vpls.lights.len(), size)?),
+        let tracer = match on_emitters {
+            true => Tracer::Emitters(EmitterTracer::new(&making, count)?),
+            false => {
+                let mut tracer = VplTracer::new(&making, count, bounces)?;
+                tracer.set_rounds(room.rounds.unwrap_or(tracer.rounds()));
+                Tracer::Paths(Box::new(tracer))
+            }
         };
         Ok(Self { tracer, vpls, gathered, info: VplInfo::default(), grid_lights: 0 })
     }
@@ -104,7 +125,7 @@ impl Lights {
         let Some(Gathered { grid, out, .. }) = &self.gathered else { return };
         let receivers = &buffers.receivers;
         let input = GatherInput { receivers, grid, settings, d_min, seed };
-        buffers.gather.record(rec, &input, out);
+        buffers.work.gather.record(rec, &input, out);
     }
 
     /// Lights of the last frame.
@@ -158,45 +179,46 @@ impl Lights {
         Ok(needs)
     }
 
-    /// Makes room for what a frame would have needed; whether it lacked any.
-    ///
-    /// Errors: more than the device can hold
-    pub fn grow(&mut self, gpu: &Gpu, settings: &Settings, needs: &Needs) -> Result<bool, Error> {
+    /// Learns from what a frame would have needed; whether it lacked any of it.
+    pub fn learn(&mut self, settings: &Settings, needs: &Needs, room: &mut SetRoom) -> bool {
         self.info = needs.vpls;
         let mut lacked = false;
         if let Tracer::Paths(tracer) = &mut self.tracer
             && self.info.missing > 0
         {
-            tracer.set_rounds(tracer.rounds().saturating_mul(2));
+            room.rounds = Some(tracer.rounds().saturating_mul(2));
             lacked = true;
         }
-        if let Some(gathered) = &mut self.gathered {
-            self.grid_lights = needs.grid.light_count;
-            lacked |= gathered.grow(gpu, &needs.grid, settings)?;
+        let Some(gathered) = &self.gathered else { return lacked };
+        self.grid_lights = needs.grid.light_count;
+        if let Some(capacity) = gathered.build.capacity().grown(&needs.grid) {
+            room.grid = Some(capacity);
+            return true;
         }
-        Ok(lacked)
+        match GridRules::new(&settings.grid, 0.0).next_cap(&needs.grid) {
+            None => lacked,
+            cap => {
+                room.level_cap = cap;
+                true
+            }
+        }
     }
 }
 
 impl Gathered {
-    fn new(gpu: &Gpu, vpls: usize, [width, height]: [usize; 2]) -> Result<Self, Error> {
-        let capacity = GridCapacity::for_vpls(gpu, vpls);
+    fn new(
+        gpu: &Gpu,
+        building: &impl Memory,
+        vpls: usize,
+        [width, height]: [usize; 2],
+        room: &SetRoom,
+    ) -> Result<Self, Error> {
+        let capacity = room.grid.unwrap_or_else(|| GridCapacity::for_vpls(gpu, vpls));
         Ok(Self {
+            build: GridBuild::new(building, capacity)?,
             grid: GpuGrid::new(gpu, &capacity)?,
-            build: GridBuild::new(gpu, capacity)?,
             out: GatherOut::new(gpu, width, height)?,
-            level_cap: MAX_LEVELS,
+            level_cap: room.level_cap.unwrap_or(MAX_LEVELS),
         })
-    }
-
-    fn grow(&mut self, gpu: &Gpu, info: &GridInfo, settings: &Settings) -> Result<bool, Error> {
-        if let Some(capacity) = self.build.capacity().grown(info) {
-            self.grid = GpuGrid::new(gpu, &capacity)?;
-            self.build = GridBuild::new(gpu, capacity)?;
-            return Ok(true);
-        }
-        let cap = GridRules::new(&settings.grid, 0.0).next_cap(info);
-        self.level_cap = cap.unwrap_or(self.level_cap);
-        Ok(cap.is_some())
     }
 }

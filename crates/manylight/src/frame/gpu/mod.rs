@@ -27,7 +27,7 @@ use crate::settings::{Method, Settings};
 use crate::surface::ViewFrame;
 use crate::surface::gpu::ReceiverTextures;
 use crate::world::gpu::GpuWorld;
-use buffers::Buffers;
+use buffers::{Buffers, Work};
 use glam::Vec2;
 use manylight_scene::Camera;
 
@@ -178,7 +178,10 @@ impl GpuRenderer {
                 _ => self.run_grid(&buffers, job),
             })?;
             let needs = buffers.read_needs(&self.gpu)?;
-            if !self.gpu.guard(|| buffers.grow(&self.gpu, job.settings, &needs))? {
+            let lacked;
+            (buffers, lacked) =
+                self.gpu.guard(|| buffers.grown(&self.gpu, job.settings, &needs))?;
+            if !lacked {
                 self.buffers = Some(buffers);
                 return Ok(times);
             }
@@ -209,7 +212,7 @@ impl GpuRenderer {
             record_sky(rec, receivers, sky_rays, &sky.unshadowed, &sky.ratio);
         }
         let normal_maps = settings.surface.normal_maps;
-        if let Some(lights) = &buffers.emitted {
+        if let Some(lights) = &buffers.work.emitted {
             if !job.keeps_lights {
                 rec.stage("emitter vpls");
                 lights.trace(rec, normal_maps, seed ^ 1);
@@ -217,7 +220,7 @@ impl GpuRenderer {
             }
             lights.gather(rec, buffers, settings, d_min, seed ^ 2);
         }
-        if let Some(lights) = &buffers.bounced {
+        if let Some(lights) = &buffers.work.bounced {
             if !job.keeps_lights {
                 rec.stage("vpls");
                 lights.trace(rec, normal_maps, seed ^ 3);
@@ -234,11 +237,17 @@ impl GpuRenderer {
             .collect();
         let smooth = if settings.filter.enabled && !signals.is_empty() {
             rec.stage("filter");
-            buffers.filter.record(rec, &buffers.guides, &signals, &settings.filter)
+            buffers.work.filter.record(rec, &buffers.work.guides, &signals, &settings.filter)
         } else {
             &[]
         };
-        layers.begin(rec, receivers, &buffers.irradiance, job.sample, buffers.bounced.is_some());
+        layers.begin(
+            rec,
+            receivers,
+            &buffers.irradiance,
+            job.sample,
+            buffers.work.bounced.is_some(),
+        );
         let mut smooth = smooth.iter();
         for gather in &gathers {
             let filtered = if gather.rays > 0 { smooth.next() } else { None };
@@ -253,13 +262,13 @@ impl GpuRenderer {
     /// of the lights.
     fn record_guides(&self, rec: &mut Recorder<'_>, buffers: &Buffers, job: Job<'_>) {
         let Job { settings, view, .. } = job;
-        let Buffers { receivers, guides, join, .. } = buffers;
+        let Buffers { receivers, work: Work { guides, join, emitted, bounced, .. }, .. } = buffers;
         if settings.filter.enabled || join.is_some() {
             rec.stage(if join.is_some() { "interleave" } else { "filter" });
             guides.record(rec, receivers, view);
         }
         let Some(join) = join else { return };
-        for lights in buffers.emitted.iter().chain(&buffers.bounced) {
+        for lights in emitted.iter().chain(bounced) {
             let Some(gathered) = &lights.gathered else { continue };
             let parts = (&gathered.out.unshadowed, &gathered.out.ratio);
             join.record(rec, guides, receivers, parts, settings.interleave);
@@ -298,7 +307,8 @@ impl GpuRenderer {
             let sky_rays = SkyRays { rays: BRUTE_SKY_RAYS, seed: seed ^ 5, exact: true };
             record_sky(&mut rec, receivers, sky_rays, &sky.unshadowed, &sky.ratio);
         }
-        let sets = [(&buffers.emitted, seed ^ 1, true), (&buffers.bounced, seed ^ 3, false)];
+        let sets =
+            [(&buffers.work.emitted, seed ^ 1, true), (&buffers.work.bounced, seed ^ 3, false)];
         for (lights, seed, is_direct) in sets {
             let Some(lights) = lights else { continue };
             rec.stage(if is_direct { "emitter vpls" } else { "vpls" });
@@ -309,7 +319,7 @@ impl GpuRenderer {
             receivers,
             &buffers.irradiance,
             job.sample,
-            buffers.bounced.is_some(),
+            buffers.work.bounced.is_some(),
         );
         if let Some(sky) = &buffers.sky {
             let arriving = Arriving::Ratio(&sky.ratio);
@@ -345,7 +355,7 @@ impl GpuRenderer {
     fn finish(&self, settings: &Settings, times: Vec<StageTime>) -> Result<Frame, Error> {
         let buffers = self.buffers.as_ref().expect("a sample was rendered");
         let layers = buffers.layers.download(&self.gpu, &buffers.receivers)?;
-        let bounced = buffers.bounced.as_ref().filter(|_| settings.method == Method::Grid);
+        let bounced = buffers.work.bounced.as_ref().filter(|_| settings.method == Method::Grid);
         let alpha = bounced.map(|lights| lights.alpha(&self.gpu)).transpose()?.flatten();
         let evals = layers.evals.iter().map(|&e| f64::from(e)).sum::<f64>() as u64;
         let count = |name: &str| match name {

@@ -276,3 +276,33 @@ fn real_scenes_look_as_on_the_processor() {
         gpu
     });
 }
+
+#[test]
+fn a_million_lights_fit_into_six_hundred_mebibytes() {
+    let Some(folder) = std::env::var_os("MANYLIGHT_SCENES") else {
+        eprintln!(
+            "skipped: memory of a real scene on a graphics device; MANYLIGHT_SCENES is not set"
+        );
+        return;
+    };
+    if device().is_none() {
+        return;
+    }
+    let path = Path::new(&folder).join("shots/sponza-atrium.json");
+    let shot = manylight_scene::load(path.to_str().expect("a name")).expect("a shot");
+    // One that holds nothing else.
+    let options = GpuOptions { base: true, software: true, ..GpuOptions::default() };
+    let gpu = Gpu::open(&options).expect("a device");
+    let mut settings = Settings::default();
+    (settings.vpls.count, settings.grid.alpha) = (1_000_000, Some(1.0));
+    with_scene(gpu, shot, |both| {
+        let buffers = Buffers::take(None, &both.engine, [1280, 720], &settings).expect("room");
+        for (name, bytes) in both.engine.gpu().lists().iter().filter(|l| l.1 >> 20 > 0) {
+            println!("{:>6.1} MiB {name}", *bytes as f64 / f64::from(1 << 20));
+        }
+        let all = both.engine.gpu().bytes();
+        println!("{:>6.1} MiB in all", all as f64 / f64::from(1 << 20));
+        assert!(all <= 600 << 20, "{all} bytes");
+        drop(buffers);
+    });
+}

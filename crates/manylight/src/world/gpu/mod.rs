@@ -483,7 +483,7 @@ impl Atlas {
             dimension: Some(wgpu::TextureViewDimension::D2Array),
             ..Default::default()
         });
-        (view, gpu.hold_bytes(bytes))
+        (view, gpu.hold_bytes("textures", bytes))
     }
 }
 

@@ -172,10 +172,12 @@ impl Recorded {
     /// Makes room for what the frame lacked; whether it may have lacked any.
     fn grow(self, gpu: &Gpu, buffers: &mut Option<Buffers>, bytes: &[u8]) -> Result<bool, Error> {
         // Others than those it was recorded with have grown, or serve other frames.
-        let own = buffers.as_mut().filter(|b| Arc::ptr_eq(b.generation(), &self.generation));
-        let Some(buffers) = own else { return Ok(true) };
-        let needs = buffers.parse_needs(bytes);
-        gpu.guard(|| buffers.grow(gpu, &self.settings, &needs))
+        let own = buffers.take_if(|b| Arc::ptr_eq(b.generation(), &self.generation));
+        let Some(own) = own else { return Ok(true) };
+        let needs = own.parse_needs(bytes);
+        let (own, lacked) = gpu.guard(|| own.grown(gpu, &self.settings, &needs))?;
+        *buffers = Some(own);
+        Ok(lacked)
     }
 }
 
@@ -208,7 +210,8 @@ impl EngineTargets<'_> {
             record_store(rec, size, [&layers.indirect, &layers.indirect], indirect);
         }
         if let Some(irradiance) = self.irradiance {
-            let gathered = buffers.bounced.as_ref().and_then(|lights| lights.gathered.as_ref());
+            let gathered =
+                buffers.work.bounced.as_ref().and_then(|lights| lights.gathered.as_ref());
             // Without bounced light there is no indirect light of any kind.
             let unshadowed = gathered.map_or(&layers.unshadowed, |g| &g.out.unshadowed);
             record_store(rec, size, [unshadowed, &layers.indirect], irradiance);

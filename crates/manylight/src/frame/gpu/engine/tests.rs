@@ -270,10 +270,15 @@ fn other_settings_keep_what_does_not_depend_on_them() {
 fn a_frame_that_lacks_room_makes_room_for_the_next() {
     let Some(mut rented) = Rented::new(|_| ()) else { return };
     let expected = rented.render(&settings(), 4).layers.beauty();
-    let tiny = GatherCapacity { block_chunks: 1, frontier: 8, ..GatherCapacity::default() };
+    let tiny = GatherCapacity {
+        block_chunks: 1,
+        frontier: 8,
+        least_frontiers: 1,
+        ..GatherCapacity::default()
+    };
     let gpu = rented.renderer().gpu();
     let gather = Gather::new(gpu, SIZE[0], SIZE[1], &settings(), tiny).expect("gather");
-    rented.renderer().buffers.as_mut().expect("buffers").gather = gather;
+    rented.renderer().buffers.as_mut().expect("buffers").work.gather = gather;
     let (view, camera) = (rented.target(), rented.camera.clone());
     let mut lacked = Vec::new();
     while lacked.len() < 8 && lacked.last() != Some(&false) {

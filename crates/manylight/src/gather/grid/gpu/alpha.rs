@@ -7,7 +7,7 @@ use super::record::{CellRecord, GpuGrid, GridInfo, GridLightRecord};
 use crate::error::Error;
 use crate::gather::grid::reach::{ASKED, STEPS, asked_share};
 use crate::gpu::scan::Scan;
-use crate::gpu::{Buf, Gpu, Recorder, kernel, record};
+use crate::gpu::{Buf, Memory, Recorder, kernel, record};
 use crate::settings::Settings;
 use crate::surface::gpu::{CONSTANTS as SURFACE_CONSTANTS, GpuReceivers};
 use crate::vlight::vpl::gpu::VplRecord;
@@ -85,15 +85,16 @@ pub(super) struct Alpha {
 }
 
 impl Alpha {
-    pub fn new(gpu: &Gpu, pixels: usize) -> Result<Self, Error> {
+    pub fn new(memory: &impl Memory, pixels: usize) -> Result<Self, Error> {
+        let gpu = memory.gpu();
         let runs = pixels.div_ceil(RUN as usize);
         let words = |i: usize| {
             let scaled = asked_share(i) * 2f64.powi(32);
             [scaled as u32, (scaled.fract() * 2f64.powi(32)) as u32]
         };
         Ok(Self {
-            runs: gpu.buffer("receivers by run of pixels", runs + 1)?,
-            scan: Scan::new(gpu, runs + 1)?,
+            runs: memory.list("receivers by run of pixels", runs + 1)?,
+            scan: Scan::new(memory, runs + 1)?,
             shares: gpu
                 .upload("shares of asked receivers", &(0..ASKED).map(words).collect::<Vec<_>>())?,
             asked: gpu.buffer("asked receivers", 2 * ASKED)?,

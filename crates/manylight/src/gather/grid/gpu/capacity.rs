@@ -19,6 +19,8 @@ pub struct GatherCapacity {
     pub least_chunks: u32,
     /// Cells of one level that the search of one block has room for.
     pub frontier: u32,
+    /// The same for all blocks of a band, at least.
+    pub least_frontiers: u32,
     /// Most shadow rays of a receiver in a slice.
     pub slice_rays: u32,
 }
@@ -29,7 +31,8 @@ impl Default for GatherCapacity {
             band_blocks: 2048,
             block_chunks: 40,
             least_chunks: 16_384,
-            frontier: 4096,
+            frontier: 1024,
+            least_frontiers: 1 << 20,
             slice_rays: 4,
         }
     }
@@ -56,6 +59,7 @@ impl GatherCapacity {
         let [x, y] = blocks_of(width, height, settings.interleave as usize);
         let blocks = self.band_blocks.min((x * y) as u32).max(1);
         self.block_chunks = self.block_chunks.max(self.least_chunks.div_ceil(blocks)).max(1);
+        self.frontier = self.frontier.max(self.least_frontiers.div_ceil(blocks.max(ASKED as u32)));
         // The search for alpha takes a frontier for each receiver that it asks.
         let side_bytes = 2 * ASKED as u64 * 4;
         self.frontier = u64::from(self.frontier).clamp(8, most / side_bytes) as u32;

@@ -15,7 +15,7 @@ use crate::error::Error;
 use crate::gather::grid::TILE;
 use crate::gather::grid::reach::ASKED;
 use crate::gpu::scan::Scan;
-use crate::gpu::{Buf, Gpu, Recorder, kernel};
+use crate::gpu::{Buf, Gpu, Memory, Recorder, kernel};
 use crate::settings::{Settings, ShadowTarget};
 use crate::surface::gpu::{CONSTANTS as SURFACE_CONSTANTS, GpuReceivers};
 use crate::vlight::vpl::gpu::VplRecord;
@@ -181,13 +181,13 @@ impl Gather {
     ///
     /// Errors: more than the device can hold
     pub fn new(
-        gpu: &Gpu,
+        memory: &impl Memory,
         width: usize,
         height: usize,
         settings: &Settings,
         capacity: GatherCapacity,
     ) -> Result<Self, Error> {
-        let capacity = capacity.fit(gpu, width, height, settings);
+        let capacity = capacity.fit(memory.gpu(), width, height, settings);
         let (blocks, chunks) = (capacity.band_blocks as usize, capacity.chunks() as usize);
         let rays = blocks * BLOCK_PIXELS * capacity.slice_rays as usize;
         let has_points = settings.shadow.target == ShadowTarget::Variance;
@@ -196,14 +196,14 @@ impl Gather {
             width,
             height,
             capacity,
-            alpha: Alpha::new(gpu, width * height)?,
-            scan: Scan::new(gpu, blocks + 1)?,
-            frontier: gpu.buffer("cells to look into", frontiers)?,
-            candidates: gpu.buffer("lights near blocks", blocks + 1 + chunks * CHUNK)?,
-            masks: gpu.buffer("lights near tiles", chunks * TILES)?,
-            weights: gpu.buffer("running weights", chunks * BLOCK_PIXELS)?,
-            picks: gpu.buffer("drawn lights", rays)?,
-            targets: gpu.buffer("drawn points", if has_points { rays } else { 0 })?,
+            alpha: Alpha::new(memory, width * height)?,
+            scan: Scan::new(memory, blocks + 1)?,
+            frontier: memory.list("cells to look into", frontiers)?,
+            candidates: memory.list("lights near blocks", blocks + 1 + chunks * CHUNK)?,
+            masks: memory.list("lights near tiles", chunks * TILES)?,
+            weights: memory.list("running weights", chunks * BLOCK_PIXELS)?,
+            picks: memory.list("drawn lights", rays)?,
+            targets: memory.list("drawn points", if has_points { rays } else { 0 })?,
         })
     }
 

@@ -481,8 +481,13 @@ fn what_does_not_fit_is_told_and_fits_after_growing() {
     let mut case = Case::new("builtin:cornell", "balanced", [20, 16], 1500);
     case.settings.grid.alpha = Some(0.8);
     let expected = bits(&run(gpu, &case, GatherCapacity::default()));
-    let mut capacity =
-        GatherCapacity { frontier: 16, block_chunks: 1, least_chunks: 1, ..Default::default() };
+    let mut capacity = GatherCapacity {
+        frontier: 16,
+        least_frontiers: 1,
+        block_chunks: 1,
+        least_chunks: 1,
+        ..Default::default()
+    };
     for attempt in 0.. {
         assert!(attempt < 6, "grows without end: {capacity:?}");
         let found = try_run(gpu, &case, capacity);

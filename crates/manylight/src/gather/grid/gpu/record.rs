@@ -116,11 +116,12 @@ pub struct GridCapacity {
 }
 
 impl GridCapacity {
-    /// What most sets of some virtual lights need, as far as one list of the device holds it.
+    /// What most sets of very many virtual lights need, as far as one list of the device holds it;
+    /// smaller sets of fine scenes need more.
     pub fn for_vpls(gpu: &Gpu, vpls: usize) -> Self {
         let most = |record: usize| gpu.max_list_bytes() as usize / record;
-        let cells = (vpls + 1024).min(most(size_of::<CellRecord>()));
-        let lights = (vpls + vpls / 4 + 4096).min(most(size_of::<GridLightRecord>()));
+        let cells = (vpls / 5 * 2 + 20_000).min(most(size_of::<CellRecord>()));
+        let lights = (vpls / 5 * 4 + 80_000).min(most(size_of::<GridLightRecord>()));
         Self { vpls, cells, lights }
     }
 

@@ -3,7 +3,7 @@
 use super::{GpuVpls, VplInfo, VplRecord};
 use crate::error::Error;
 use crate::gpu::scan::Scan;
-use crate::gpu::{Buf, Constant, GROUP, Gpu, MAX_GROUPS, Recorder, Value, kernel, record};
+use crate::gpu::{Buf, Constant, GROUP, MAX_GROUPS, Memory, Recorder, Value, kernel, record};
 use crate::{bvh, emitter, world};
 
 const CONSTANTS: &[Constant] = &[Constant { name: "MAX_GROUPS", value: Value::U32(MAX_GROUPS) }];
@@ -50,10 +50,10 @@ impl EmitterTracer {
     /// Memory for `count` draws.
     ///
     /// Errors: more than the device can hold in one list
-    pub fn new(gpu: &Gpu, count: u32) -> Result<Self, Error> {
+    pub fn new(memory: &impl Memory, count: u32) -> Result<Self, Error> {
         let most = count as usize + 1;
-        let offsets = gpu.buffer("draws on emitters", most)?;
-        Ok(Self { count, offsets, scan: Scan::new(gpu, most)? })
+        let offsets = memory.list("draws on emitters", most)?;
+        Ok(Self { count, offsets, scan: Scan::new(memory, most)? })
     }
 
     /// Draws the lights; `vpls` has room for as many by [`GpuVpls::new`] with one bounce.

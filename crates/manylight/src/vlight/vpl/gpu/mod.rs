@@ -8,7 +8,7 @@ pub use trace::VplTracer;
 
 use super::Vpl;
 use crate::error::Error;
-use crate::gpu::{Buf, Gpu, record};
+use crate::gpu::{Buf, Gpu, Memory, record};
 
 record! {
     /// [`Vpl`] as shaders read it.
@@ -66,12 +66,12 @@ impl GpuVpls {
     /// Room for a set of about `count` lights from paths of up to `bounces` hits.
     ///
     /// Errors: more than the device can hold in one list
-    pub fn new(gpu: &Gpu, count: u32, bounces: u32) -> Result<Self, Error> {
+    pub fn new(memory: &impl Memory, count: u32, bounces: u32) -> Result<Self, Error> {
         // The last path begins before the set is full.
         let most = count as usize + bounces.saturating_sub(1) as usize;
         Ok(Self {
-            lights: gpu.buffer("virtual lights", most)?,
-            info: gpu.buffer("number of virtual lights", 1)?,
+            lights: memory.list("virtual lights", most)?,
+            info: memory.gpu().buffer("number of virtual lights", 1)?,
         })
     }
 

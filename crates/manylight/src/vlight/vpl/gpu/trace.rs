@@ -7,7 +7,9 @@
 use super::{GpuVpls, VplInfo, VplRecord};
 use crate::error::Error;
 use crate::gpu::scan::Scan;
-use crate::gpu::{Buf, Constant, GROUP, Gpu, MAX_GROUPS, Recorder, Uniform, Value, kernel, record};
+use crate::gpu::{
+    Buf, Constant, GROUP, MAX_GROUPS, Memory, Recorder, Uniform, Value, kernel, record,
+};
 use crate::vlight::vpl::trace::{BATCH, MAX_NORMAL_CORRECTION, PATHS_PER_LIGHT};
 use crate::{bvh, emitter, world};
 
@@ -127,14 +129,14 @@ impl VplTracer {
     /// Memory for tracing about `count` lights, at most `bounces` to a path.
     ///
     /// Errors: more than the device can hold in one list
-    pub fn new(gpu: &Gpu, count: u32, bounces: u32) -> Result<Self, Error> {
+    pub fn new(memory: &impl Memory, count: u32, bounces: u32) -> Result<Self, Error> {
         let slots = count.saturating_mul(2).clamp(SLOTS[0], SLOTS[1]);
-        Self::with_batch(gpu, count, bounces, (slots / bounces.max(1)).max(1))
+        Self::with_batch(memory, count, bounces, (slots / bounces.max(1)).max(1))
     }
 
     /// The same with a batch of another size.
     pub(super) fn with_batch(
-        gpu: &Gpu,
+        memory: &impl Memory,
         count: u32,
         bounces: u32,
         batch: u32,
@@ -146,11 +148,11 @@ impl VplTracer {
             batch,
             // A small first one, those expected, and one for what they miss by chance.
             rounds: 2 + expected.min(path_limit(count)).div_ceil(batch.into()) as u32,
-            slots: gpu.buffer("virtual lights of a batch", (batch * bounces) as usize)?,
-            offsets: gpu.buffer("virtual lights per path", batch as usize + 1)?,
-            scan: Scan::new(gpu, batch as usize + 1)?,
-            state: gpu.buffer("progress of light paths", 1)?,
-            groups: gpu.buffer("workgroups of light paths", 1)?,
+            slots: memory.list("virtual lights of a batch", (batch * bounces) as usize)?,
+            offsets: memory.list("virtual lights per path", batch as usize + 1)?,
+            scan: Scan::new(memory, batch as usize + 1)?,
+            state: memory.gpu().buffer("progress of light paths", 1)?,
+            groups: memory.gpu().buffer("workgroups of light paths", 1)?,
         })
     }
 

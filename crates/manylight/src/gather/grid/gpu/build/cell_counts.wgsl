@@ -28,7 +28,7 @@ fn main(
         atomicAdd(&found[top], 1u);
     }
     workgroupBarrier();
-    if local >= 1u && local < LEVEL_ENTRIES {
+    if local >= 1u && local < LEVEL_ENTRIES - 1u {
         var sum = 0u;
         for (var level = local; level < LEVEL_ENTRIES; level++) {
             sum += atomicLoad(&found[level]);

@@ -11,7 +11,7 @@ mod sort;
 use super::record::{BLOCK, GpuGrid, GridCapacity, GridInfo, LEVEL_ENTRIES, SUPERBLOCK, blocks_of};
 use crate::error::Error;
 use crate::gpu::scan::Scan;
-use crate::gpu::{Buf, Gpu, Recorder};
+use crate::gpu::{Buf, Memory, Recorder};
 use crate::settings::{GridSettings, MAX_LEVELS, MIN_LEVELS};
 use crate::vlight::vpl::gpu::GpuVpls;
 use kernels::*;
@@ -81,7 +81,8 @@ impl GridBuild {
     /// Memory for builds into a [`GpuGrid`] of the same capacity.
     ///
     /// Errors: more than the device can hold in one list
-    pub fn new(gpu: &Gpu, capacity: GridCapacity) -> Result<Self, Error> {
+    pub fn new(memory: &impl Memory, capacity: GridCapacity) -> Result<Self, Error> {
+        let gpu = memory.gpu();
         let blocks = capacity.vpls.div_ceil(CELL_BLOCK as usize);
         let ranks = blocks * MAX_LEVELS as usize;
         let table = (2 * capacity.cells).next_power_of_two();
@@ -89,14 +90,14 @@ impl GridBuild {
             capacity,
             extent: gpu.buffer("bounds of virtual lights", 1)?,
             splits: gpu.buffer("cells by number of levels", LEVEL_ENTRIES)?,
-            sort: Sort::new(gpu, capacity.vpls)?,
+            sort: Sort::new(memory, capacity.vpls)?,
             sort_count: gpu.buffer("keys to sort", 1)?,
-            ranks: gpu.buffer("cells per block", ranks)?,
-            ranks_scan: Scan::new(gpu, ranks)?,
-            table: gpu.buffer("table of cells", table)?,
-            owned: gpu.buffer("vertices per cell", capacity.cells + 1)?,
-            owned_scan: Scan::new(gpu, capacity.cells + 1)?,
-            shares: gpu.buffer("shares of cells", capacity.cells)?,
+            ranks: memory.list("cells per block", ranks)?,
+            ranks_scan: Scan::new(memory, ranks)?,
+            table: memory.list("table of cells", table)?,
+            owned: memory.list("vertices per cell", capacity.cells + 1)?,
+            owned_scan: Scan::new(memory, capacity.cells + 1)?,
+            shares: memory.list("shares of cells", capacity.cells)?,
             cell_groups: gpu.buffer("workgroups over cells", LEVEL_ENTRIES)?,
             light_groups: gpu.buffer("workgroups over grid lights", LEVEL_ENTRIES + 1)?,
         })

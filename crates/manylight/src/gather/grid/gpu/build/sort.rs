@@ -4,7 +4,7 @@
 
 use crate::error::Error;
 use crate::gpu::scan::Scan;
-use crate::gpu::{Buf, Constant, GROUP, Gpu, MAX_GROUPS, Recorder, Value};
+use crate::gpu::{Buf, Constant, GROUP, MAX_GROUPS, Memory, Recorder, Value};
 use crate::gpu::{kernel, record};
 
 /// Bits of a digit.
@@ -62,13 +62,13 @@ impl Sort {
     /// Memory for `capacity` items.
     ///
     /// Errors: more than the device can hold in one list
-    pub fn new(gpu: &Gpu, capacity: usize) -> Result<Self, Error> {
+    pub fn new(memory: &impl Memory, capacity: usize) -> Result<Self, Error> {
         let places = capacity.div_ceil(SORT_BLOCK as usize) << DIGIT_BITS;
         Ok(Self {
-            items: gpu.buffer("keys", capacity)?,
-            other: gpu.buffer("sorted keys", capacity)?,
-            places: gpu.buffer("places of digits", places)?,
-            scan: Scan::new(gpu, places)?,
+            items: memory.list("keys", capacity)?,
+            other: memory.list("sorted keys", capacity)?,
+            places: memory.list("places of digits", places)?,
+            scan: Scan::new(memory, places)?,
         })
     }
 

@@ -1,6 +1,7 @@
 use super::*;
 use crate::gather::grid::gpu::record::{CellRecord, GridLightRecord};
 use crate::gather::grid::record::LightingGrid;
+use crate::gpu::Gpu;
 use crate::gpu::testing::{check_kernel, device};
 use crate::math::{Sequence, luminance, uniform_sphere};
 use crate::vlight::Vpl;
