@@ -14,6 +14,8 @@ mod kernel;
 mod later;
 mod linker;
 mod recorder;
+#[cfg(debug_assertions)]
+mod reload;
 pub mod scan;
 mod shaders;
 #[cfg(test)]

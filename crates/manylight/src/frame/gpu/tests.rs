@@ -1,8 +1,10 @@
 use super::*;
 use crate::composite::Layers;
 use crate::emitter::gpu::testing::sky_map;
+use crate::frame::Past;
 use crate::gpu::GpuOptions;
 use crate::gpu::testing::device;
+use glam::Quat;
 use manylight_image::Raster;
 use manylight_scene::Shot;
 use std::path::{Path, PathBuf};
@@ -271,6 +273,65 @@ fn real_scenes_look_as_on_the_processor() {
                     let flip = both.check_picture(&name, [64, 36], &settings);
                     println!("{name}: FLIP {flip:.4}, {:.1} s", start.elapsed().as_secs_f64());
                 }
+            });
+        }
+        gpu
+    });
+}
+
+#[test]
+fn sequences_look_as_on_the_processor() {
+    let mut settings = few("balanced");
+    settings.filter.temporal = true;
+    settings.shadow.rays = 2;
+    with_gpu(|mut gpu| {
+        for name in ["cornell", "atrium"] {
+            gpu = with_scene(gpu, builtin(name), |both| {
+                let mut past = Past::default();
+                let (diagonal, first) =
+                    (both.engine.renderer().world.diagonal(), both.camera.clone());
+                let mut last = Vec::new();
+                // Still, moving, and a cut.
+                for n in 0..6 {
+                    let mut camera = first.clone();
+                    let turn = [0.0, 0.0, 0.02, 0.04, 1.0, 1.0][n as usize];
+                    camera.forward = Quat::from_axis_angle(camera.up, turn) * camera.forward;
+                    camera.position += camera.forward * (0.01 * diagonal * turn);
+                    let found = both.engine.render_next(&camera, SIZE, &settings, n, &|_, _| ());
+                    let expected = both.engine.renderer();
+                    let expected =
+                        expected.render_next(&camera, SIZE, &settings, n, &mut past, &|_, _| ());
+                    let found = found.expect("a frame").layers;
+                    let expected = raster(&expected.expect("a frame").layers);
+                    let errors = manylight_image::compare(&raster(&found), &expected).expect("ok");
+                    println!("{name}, frame {n}: FLIP {:.4}", errors.flip_mean);
+                    assert_eq!(errors.nonfinite_count, 0, "{name}, frame {n}");
+                    assert!(errors.flip_mean <= MOST_FLIP, "{name}, frame {n}: {errors:?}");
+                    // A single picture in between leaves the past alone.
+                    both.on_device([20, 11], &settings);
+                    last = bits(&found);
+                    if n == 3 {
+                        let single = both.on_device(SIZE, &settings);
+                        assert!(last != bits(&single), "{name}: it has a past");
+                    }
+                }
+                // Again: the same bits after the same frames, others without them.
+                let mut camera = first.clone();
+                camera.forward = Quat::from_axis_angle(camera.up, 1.0) * camera.forward;
+                camera.position += camera.forward * (0.01 * diagonal);
+                both.engine.forget_past();
+                let mut next = |n| {
+                    let frame = both.engine.render_next(&camera, SIZE, &settings, n, &|_, _| ());
+                    bits(&frame.expect("a frame").layers)
+                };
+                assert!(next(5) != last, "{name}: without the one before it");
+                both.engine.forget_past();
+                let mut next = |n| {
+                    let frame = both.engine.render_next(&camera, SIZE, &settings, n, &|_, _| ());
+                    bits(&frame.expect("a frame").layers)
+                };
+                next(4);
+                assert!(next(5) == last, "{name}: after a cut");
             });
         }
         gpu
