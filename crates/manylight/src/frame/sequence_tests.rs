@@ -111,6 +111,7 @@ fn what_does_not_continue_a_frame_begins_anew() {
         (0..2).for_each(|n| drop(next(&renderer, &camera, &s, n, &mut past)));
         let found = bits(&next(renderer_then, &camera_then, s_then, 2, &mut past));
         let alone = bits(&next(renderer_then, &camera_then, s_then, 2, &mut Past::default()));
+        assert!(alone.iter().any(|&number| number > 0), "{name}: all black");
         assert_eq!(found != alone, continues, "{name}");
     }
     let mut past = Past::default();

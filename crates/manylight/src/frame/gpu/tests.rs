@@ -279,60 +279,57 @@ fn real_scenes_look_as_on_the_processor() {
     });
 }
 
+/// The camera of a frame of a sequence: still, moving, after a cut.
+fn camera_of(both: &Both, n: u32) -> Camera {
+    let mut camera = both.camera.clone();
+    let (turn, step) = [(0.0, 0.0), (0.0, 0.0), (0.03, 0.01), (0.03, 0.1), (0.03, 0.1)][n as usize];
+    camera.forward = Quat::from_axis_angle(camera.up, turn) * camera.forward;
+    camera.position += camera.forward * (step * both.engine.renderer().world.diagonal());
+    camera
+}
+
 #[test]
 fn sequences_look_as_on_the_processor() {
+    const SIZE: [usize; 2] = [40, 30];
     let mut settings = few("balanced");
     settings.filter.temporal = true;
     settings.shadow.rays = 2;
+    let check = |both: &mut Both, name: &str| {
+        let mut past = Past::default();
+        let mut found = Vec::new();
+        for n in 0..5 {
+            let camera = camera_of(both, n);
+            let next = both.engine.render_next(&camera, SIZE, &settings, n, &|_, _| ());
+            let layers = next.expect("a frame").layers;
+            let renderer = both.engine.renderer();
+            let next = renderer.render_next(&camera, SIZE, &settings, n, &mut past, &|_, _| ());
+            let expected = raster(&next.expect("a frame").layers);
+            let errors = manylight_image::compare(&raster(&layers), &expected).expect("one size");
+            println!("{name}, frame {n}: FLIP {:.6}", errors.flip_mean);
+            assert!(expected.data.iter().any(|v| *v > 0.0), "{name}, frame {n} is black");
+            assert_eq!(errors.nonfinite_count, 0, "{name}, frame {n}");
+            assert!(errors.flip_mean <= MOST_FLIP, "{name}, frame {n}: {errors:?}");
+            found.push(bits(&layers));
+            // A single picture in between leaves the past alone.
+            both.on_device([20, 11], &settings);
+        }
+        let frames = |both: &mut Both, range: std::ops::Range<u32>| {
+            both.engine.forget_past();
+            let next = |n| {
+                let camera = camera_of(both, n);
+                let frame = both.engine.render_next(&camera, SIZE, &settings, n, &|_, _| ());
+                bits(&frame.expect("a frame").layers)
+            };
+            range.map(next).collect::<Vec<_>>()
+        };
+        // The same bits after the same frames, which are few after a cut, and others after others.
+        assert!(frames(both, 3..5) == found[3..], "{name}: after a cut");
+        assert!(frames(both, 4..5) != found[4..], "{name}: without the one before it");
+        assert!(frames(both, 0..1) == found[..1], "{name}: again");
+    };
     with_gpu(|mut gpu| {
         for name in ["cornell", "atrium"] {
-            gpu = with_scene(gpu, builtin(name), |both| {
-                let mut past = Past::default();
-                let (diagonal, first) =
-                    (both.engine.renderer().world.diagonal(), both.camera.clone());
-                let mut last = Vec::new();
-                // Still, moving, and a cut.
-                for n in 0..6 {
-                    let mut camera = first.clone();
-                    let turn = [0.0, 0.0, 0.02, 0.04, 1.0, 1.0][n as usize];
-                    camera.forward = Quat::from_axis_angle(camera.up, turn) * camera.forward;
-                    camera.position += camera.forward * (0.01 * diagonal * turn);
-                    let found = both.engine.render_next(&camera, SIZE, &settings, n, &|_, _| ());
-                    let expected = both.engine.renderer();
-                    let expected =
-                        expected.render_next(&camera, SIZE, &settings, n, &mut past, &|_, _| ());
-                    let found = found.expect("a frame").layers;
-                    let expected = raster(&expected.expect("a frame").layers);
-                    let errors = manylight_image::compare(&raster(&found), &expected).expect("ok");
-                    println!("{name}, frame {n}: FLIP {:.4}", errors.flip_mean);
-                    assert_eq!(errors.nonfinite_count, 0, "{name}, frame {n}");
-                    assert!(errors.flip_mean <= MOST_FLIP, "{name}, frame {n}: {errors:?}");
-                    // A single picture in between leaves the past alone.
-                    both.on_device([20, 11], &settings);
-                    last = bits(&found);
-                    if n == 3 {
-                        let single = both.on_device(SIZE, &settings);
-                        assert!(last != bits(&single), "{name}: it has a past");
-                    }
-                }
-                // Again: the same bits after the same frames, others without them.
-                let mut camera = first.clone();
-                camera.forward = Quat::from_axis_angle(camera.up, 1.0) * camera.forward;
-                camera.position += camera.forward * (0.01 * diagonal);
-                both.engine.forget_past();
-                let mut next = |n| {
-                    let frame = both.engine.render_next(&camera, SIZE, &settings, n, &|_, _| ());
-                    bits(&frame.expect("a frame").layers)
-                };
-                assert!(next(5) != last, "{name}: without the one before it");
-                both.engine.forget_past();
-                let mut next = |n| {
-                    let frame = both.engine.render_next(&camera, SIZE, &settings, n, &|_, _| ());
-                    bits(&frame.expect("a frame").layers)
-                };
-                next(4);
-                assert!(next(5) == last, "{name}: after a cut");
-            });
+            gpu = with_scene(gpu, builtin(name), |both| check(both, name));
         }
         gpu
     });
