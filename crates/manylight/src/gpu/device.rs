@@ -3,7 +3,7 @@
 use super::buffer::HeldBytes;
 use super::recorder::{Arena, Recorder};
 #[cfg(debug_assertions)]
-use super::reload::{self, Reload};
+use super::reload::Reload;
 use super::{Buf, Features, KernelInfo, Record, SHADERS, link};
 use crate::error::Error;
 use crate::settings::GpuSettings;
@@ -69,10 +69,10 @@ pub struct Gpu {
     name: String,
     features: Features,
     scene_layout: wgpu::BindGroupLayout,
-    pipelines: Mutex<HashMap<&'static str, wgpu::ComputePipeline>>,
+    pub(super) pipelines: Mutex<HashMap<&'static str, wgpu::ComputePipeline>>,
     /// Shader files that may change; locked after `pipelines`.
     #[cfg(debug_assertions)]
-    reload: Mutex<Option<Reload>>,
+    pub(super) reload: Mutex<Option<Reload>>,
     /// Those that no recording holds.
     arenas: Arc<Mutex<Vec<Arena>>>,
     bytes_held: Arc<AtomicU64>,
@@ -216,7 +216,7 @@ impl Gpu {
             scene_layout,
             pipelines: Mutex::default(),
             #[cfg(debug_assertions)]
-            reload: Mutex::new(std::env::var_os(reload::VARIABLE).map(|f| Reload::new(f.as_ref()))),
+            reload: Mutex::new(Reload::from_environment()),
             arenas: Arc::default(),
             bytes_held: Arc::default(),
             problem: Arc::default(),
@@ -465,63 +465,7 @@ impl Gpu {
         pipelines.entry(kernel.shader).or_insert_with(build).clone()
     }
 
-    /// Takes shaders from a folder laid out as `crates/manylight/src`, or a copy of parts of it, and
-    /// looks before each submission whether they have changed. So does a device that is opened with
-    /// the variable `MANYLIGHT_SHADERS`. For builds with debug assertions; others lack it.
-    #[cfg(debug_assertions)]
-    pub fn reload_from(&self, folder: &std::path::Path) {
-        let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
-        *self.reload.lock().unwrap_or_else(PoisonError::into_inner) = Some(Reload::new(folder));
-        pipelines.clear();
-    }
-
-    /// What was wrong with the shaders that changed last.
-    #[cfg(all(test, debug_assertions))]
-    pub(super) fn shader_problem(&self) -> Option<String> {
-        let reload = self.reload.lock().unwrap_or_else(PoisonError::into_inner);
-        reload.as_ref().and_then(Reload::told).map(str::to_owned)
-    }
-
-    /// The pipeline of a kernel whose text lies in the folder of shaders, if there is one and the
-    /// text is one of a kernel.
-    #[cfg(debug_assertions)]
-    fn build_from_folder(&self, kernel: &'static KernelInfo) -> Option<wgpu::ComputePipeline> {
-        let mut reload = self.reload.lock().unwrap_or_else(PoisonError::into_inner);
-        let reload = reload.as_mut()?;
-        let text = reload.begin(kernel, self.features)?;
-        self.try_build(kernel, text).map_err(|problem| reload.tell(problem)).ok()
-    }
-
-    /// Builds the pipelines of shaders that have changed; where that fails the old one stays.
-    #[cfg(debug_assertions)]
-    fn reload_shaders(&self) {
-        let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut reload = self.reload.lock().unwrap_or_else(PoisonError::into_inner);
-        let Some(reload) = reload.as_mut() else { return };
-        for (kernel, text) in reload.changed(self.features) {
-            match self.try_build(kernel, text) {
-                Ok(pipeline) => drop(pipelines.insert(kernel.shader, pipeline)),
-                Err(problem) => reload.tell(problem),
-            }
-        }
-    }
-
-    /// Errors: what the device has against the text, in one line
-    #[cfg(debug_assertions)]
-    fn try_build(
-        &self,
-        kernel: &KernelInfo,
-        text: String,
-    ) -> Result<wgpu::ComputePipeline, String> {
-        let scope = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
-        let pipeline = self.build(kernel, text);
-        match pollster::block_on(scope.pop()) {
-            None => Ok(pipeline),
-            Some(e) => Err(format!("{}.wgsl: {}", kernel.shader, one_line(&e))),
-        }
-    }
-
-    fn build(&self, kernel: &KernelInfo, text: String) -> wgpu::ComputePipeline {
+    pub(super) fn build(&self, kernel: &KernelInfo, text: String) -> wgpu::ComputePipeline {
         let label = Some(kernel.shader);
         let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label,

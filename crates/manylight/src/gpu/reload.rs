@@ -3,14 +3,15 @@
 //! In: a folder of shader files · Out: texts of kernels that changed and can be parsed
 //! Limits: ports, records and constants are Rust's, and change with a new build.
 
-use super::{Features, KernelInfo, SHADERS, Sources, link};
+use super::{Features, Gpu, KernelInfo, SHADERS, Sources, link};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
+use std::sync::PoisonError;
 use std::time::SystemTime;
 use wgpu::naga;
 
 /// Names the folder: that of the house, `crates/manylight/src`, or a copy of it.
-pub(super) const VARIABLE: &str = "MANYLIGHT_SHADERS";
+const VARIABLE: &str = "MANYLIGHT_SHADERS";
 
 /// When a file was changed, and its bytes; `None` where there is no such file.
 type Stamp = Option<(SystemTime, u64)>;
@@ -28,6 +29,11 @@ pub(super) struct Reload {
 }
 
 impl Reload {
+    /// The folder that the environment names, if any.
+    pub fn from_environment() -> Option<Self> {
+        std::env::var_os(VARIABLE).map(|folder| Self::new(folder.as_ref()))
+    }
+
     /// Reads all files; where one is missing the text that was compiled in stands for it.
     pub fn new(folder: &Path) -> Self {
         let mut reload = Self {
@@ -110,6 +116,67 @@ impl Reload {
     #[cfg(test)]
     pub fn told(&self) -> Option<&str> {
         self.told.as_deref()
+    }
+}
+
+impl Gpu {
+    /// Takes shaders from a folder laid out as `crates/manylight/src`, or a copy of parts of it,
+    /// and looks before each submission whether they have changed. So does a device that is opened
+    /// with the variable `MANYLIGHT_SHADERS`. For builds with debug assertions; others lack it.
+    pub fn reload_from(&self, folder: &Path) {
+        let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
+        *self.reload.lock().unwrap_or_else(PoisonError::into_inner) = Some(Reload::new(folder));
+        pipelines.clear();
+    }
+
+    /// What was wrong with the shaders that changed last.
+    #[cfg(test)]
+    pub(super) fn shader_problem(&self) -> Option<String> {
+        let reload = self.reload.lock().unwrap_or_else(PoisonError::into_inner);
+        reload.as_ref().and_then(Reload::told).map(str::to_owned)
+    }
+
+    /// The pipeline of a kernel whose text lies in the folder of shaders, if there is one and the
+    /// text is one of a kernel.
+    pub(super) fn build_from_folder(
+        &self,
+        kernel: &'static KernelInfo,
+    ) -> Option<wgpu::ComputePipeline> {
+        let mut reload = self.reload.lock().unwrap_or_else(PoisonError::into_inner);
+        let reload = reload.as_mut()?;
+        let text = reload.begin(kernel, self.features())?;
+        self.try_build(kernel, text).map_err(|problem| reload.tell(problem)).ok()
+    }
+
+    /// Builds the pipelines of shaders that have changed; where that fails the old one stays.
+    pub(super) fn reload_shaders(&self) {
+        let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut reload = self.reload.lock().unwrap_or_else(PoisonError::into_inner);
+        let Some(reload) = reload.as_mut() else { return };
+        for (kernel, text) in reload.changed(self.features()) {
+            match self.try_build(kernel, text) {
+                Ok(pipeline) => drop(pipelines.insert(kernel.shader, pipeline)),
+                Err(problem) => reload.tell(problem),
+            }
+        }
+    }
+
+    /// Errors: what the device has against the text, in one line
+    fn try_build(
+        &self,
+        kernel: &KernelInfo,
+        text: String,
+    ) -> Result<wgpu::ComputePipeline, String> {
+        let scope = self.device().push_error_scope(wgpu::ErrorFilter::Validation);
+        let pipeline = self.build(kernel, text);
+        match pollster::block_on(scope.pop()) {
+            None => Ok(pipeline),
+            Some(e) => {
+                let text = e.to_string();
+                let lines: Vec<_> = text.lines().map(str::trim).collect();
+                Err(format!("{}.wgsl: {}", kernel.shader, lines.join(" ")))
+            }
+        }
     }
 }
 

@@ -62,9 +62,11 @@ impl GpuRenderer {
     ///
     /// `frame_seed` stands in the place of [`Settings::seed`]: one for each frame gives each its
     /// own noise. With `filter.temporal` it makes the noise of the shadow rays alone, light paths
-    /// stay where they are, and frames add up: those that were never submitted, or lacked room,
-    /// begin anew; so does the frame after [`GpuRenderer::forget_past`]. Any number of frames may be recorded before one is submitted, and be under way at
-    /// a time; each finds camera, settings and lights as they were when it was recorded. They share
+    /// stay where they are, and frames add up; anew after frames that lacked room or were never
+    /// submitted, after cuts and [`GpuRenderer::forget_past`].
+    ///
+    /// Any number of frames may be recorded before one is submitted, and be under way at a time;
+    /// each finds camera, settings and lights as they were when it was recorded. They share
     /// everything that they work on, so they have to be submitted in one order to one queue, which
     /// is that of [`Gpu::queue`].
     ///
