@@ -17,7 +17,7 @@ pub struct Args {
 /// What to do.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Render one picture
+    /// Render one picture, or the frames of a sequence
     Render(RenderArgs),
     /// Print the errors between two pictures
     Compare(CompareArgs),
@@ -84,10 +84,23 @@ pub struct RenderArgs {
     /// yellow for the most of any pixel
     #[arg(long, value_name = "FILE.png")]
     pub heatmap: Option<PathBuf>,
+    /// Render frames A to B of a sequence, both included. The number of a frame stands for #### in
+    /// the name of a file, else before its ending. Files that are there already are kept, and
+    /// their frames skipped
+    #[arg(long, value_name = "A..B", allow_hyphen_values = true)]
+    pub frames: Option<String>,
+    /// Render frames again whose files are there already
+    #[arg(long, requires = "frames")]
+    pub overwrite: bool,
+    /// Where filter.temporal adds frames up: how many are rendered and not written before the first
+    /// one and before each that follows skipped ones; default: filter.history. From frame 0 on, a
+    /// frame has the same bits in any run: --warm-up 1000000
+    #[arg(long, value_name = "N", requires = "frames")]
+    pub warm_up: Option<u32>,
     /// Settings
     #[command(flatten)]
     pub settings: SettingArgs,
-    /// Print results as JSON on standard output
+    /// Print results as JSON on standard output, a line for each picture
     #[arg(long)]
     pub json: bool,
     /// Print nothing but errors

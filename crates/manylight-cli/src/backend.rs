@@ -2,8 +2,8 @@
 
 use crate::Failure;
 use crate::args::Backend;
-use manylight::frame::Progress;
 use manylight::frame::gpu::GpuRenderer;
+use manylight::frame::{Past, Progress};
 use manylight::gpu::{Gpu, GpuOptions};
 use manylight::{Frame, Renderer, Settings};
 use manylight_scene::{Camera, Scene};
@@ -86,17 +86,48 @@ impl Engine {
         Ok(self.renderer().render(camera, size, settings, progress)?)
     }
 
-    /// Renders one picture for its time: of each stage, ms; `is_static` keeps its lights.
+    /// Renders the next frame of a sequence.
+    pub fn render_next(
+        &mut self,
+        (camera, size): (&Camera, [usize; 2]),
+        settings: &Settings,
+        (frame, past): (u32, &mut Past),
+        progress: Progress<'_>,
+        quiet: bool,
+    ) -> Result<Frame, Failure> {
+        if let Self::Gpu(engine, fallback @ (Fallback::Never | Fallback::Ready)) = self {
+            match engine.render_next(camera, size, settings, frame, progress) {
+                Err(reason @ manylight::Error::Device { .. }) if *fallback == Fallback::Ready => {
+                    warn(&reason, quiet);
+                    *fallback = Fallback::Done;
+                }
+                result => return Ok(result?),
+            }
+        }
+        Ok(self.renderer().render_next(camera, size, settings, frame, past, progress)?)
+    }
+
+    /// Forgets the frames of a sequence.
+    pub fn forget(&mut self, past: &mut Past) {
+        past.clear();
+        if let Self::Gpu(engine, _) = self {
+            engine.forget_past();
+        }
+    }
+
+    /// Renders one picture for its time: of each stage, ms; `is_static` keeps its lights. Where
+    /// frames add up it is the next one of a sequence.
     pub fn time_frame(
         &mut self,
-        camera: &Camera,
-        size: [usize; 2],
+        (camera, size): (&Camera, [usize; 2]),
         settings: &Settings,
+        (frame, past): (u32, &mut Past),
         is_static: bool,
     ) -> Result<Vec<(&'static str, f64)>, Failure> {
         Ok(match self {
             Self::Cpu(renderer) => {
-                let frame = renderer.render(camera, size, settings, &|_, _| ())?;
+                let frame =
+                    renderer.render_next(camera, size, settings, frame, past, &|_, _| ())?;
                 frame.stages.iter().map(|s| (s.name, s.time_ms)).collect()
             }
             Self::Gpu(engine, _) => {

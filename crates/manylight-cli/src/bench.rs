@@ -5,6 +5,7 @@ use crate::backend::Engine;
 use crate::render;
 use crate::{Failure, Outcome, memory, output};
 use manylight::bench::{self, GpuRayBatch, Quality, RayBatch};
+use manylight::frame::Past;
 use manylight::gather::grid::{DETAIL, LightingGrid};
 use manylight::{Renderer, Settings};
 use serde_json::{Value, json};
@@ -166,9 +167,11 @@ fn frames(
 ) -> Result<Value, Failure> {
     let mut stages: Vec<(&'static str, Vec<f64>)> = Vec::new();
     let mut totals = Vec::new();
+    let mut past = Past::default();
     for run in 0..=args.frames {
         let start = Instant::now();
-        let times = engine.time_frame(camera, size, settings, args.is_static)?;
+        let times =
+            engine.time_frame((camera, size), settings, (run, &mut past), args.is_static)?;
         if run == 0 {
             continue;
         }

@@ -9,6 +9,7 @@ mod info;
 mod memory;
 mod output;
 mod render;
+mod sequence;
 
 use clap::Parser;
 use std::io::Write;

@@ -11,6 +11,11 @@ use manylight::Settings;
 /// A fifth more than the growth of the peak resident size with the size of the picture: 335 B from
 /// 320² to 1024² pixels of builtin:cornell, 342 B to 1280² of Sponza with its EXR file.
 const BYTES_PER_PIXEL: u64 = 410;
+/// Bytes that a pixel takes beside them where frames add up (`filter.temporal`).
+///
+/// A fifth more than 196 B, by which its growth from 320² to 1024² pixels of builtin:atrium is
+/// larger than without.
+const BYTES_OF_PAST: u64 = 235;
 /// Bytes that a virtual light takes at the peak, its share of the grid included.
 ///
 /// A fifth more than its growth with vpls.count in `bench --build` over Sponza: 340 B from a
@@ -31,7 +36,8 @@ fn check_fit(
     available: u64,
 ) -> Result<(), Failure> {
     let lights = u64::from(settings.vpls.count) + u64::from(settings.vpls.emitter_count);
-    let needed = (width * height) as u64 * BYTES_PER_PIXEL + lights * BYTES_PER_LIGHT;
+    let past = if settings.filter.temporal { BYTES_OF_PAST } else { 0 };
+    let needed = (width * height) as u64 * (BYTES_PER_PIXEL + past) + lights * BYTES_PER_LIGHT;
     if needed <= available {
         return Ok(());
     }
@@ -72,6 +78,10 @@ mod tests {
         assert!(check_fit([1280, 720], &settings, 1 << 30).is_ok());
         let error = check_fit([16384, 16384], &settings, 1 << 30).expect_err("100 GB");
         assert!(error.to_string().contains("1024 MiB are free; choose a smaller"), "{error}");
+        let mut sequence = Settings::default();
+        assert!(check_fit([1400, 1400], &sequence, 1 << 30).is_ok());
+        sequence.filter.temporal = true;
+        assert!(check_fit([1400, 1400], &sequence, 1 << 30).is_err());
         let mut many = Settings::default();
         many.vpls.count = 16_000_000;
         assert!(check_fit([8, 8], &many, 1 << 30).is_err());

@@ -2,12 +2,16 @@
 
 use crate::args::{RenderArgs, SettingArgs};
 use crate::backend::Engine;
+use crate::sequence::{self, Step};
 use crate::{Failure, Outcome, memory, output};
 use indicatif::{ProgressBar, ProgressStyle};
+use manylight::frame::{Past, Progress};
 use manylight::{Frame, Method, Settings};
 use manylight_scene::{Camera, MAX_PIXELS, Shot};
 use serde_json::{Value, json};
 use std::io::{IsTerminal, Write};
+use std::ops::RangeInclusive;
+use std::path::PathBuf;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
@@ -68,6 +72,7 @@ pub fn load(path: &str, quiet: bool) -> Result<Shot, Failure> {
 
 /// Runs the command.
 pub fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
+    let frames = args.frames.as_deref().map(sequence::parse).transpose()?;
     output::check(&args.output, &["exr", "png", "pfm"])?;
     output::check(args.heatmap.as_slice(), &["png"])?;
     output::check_distinct(args.output.iter().chain(&args.heatmap))?;
@@ -87,48 +92,149 @@ pub fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     let size = size(&args.settings, &shot.camera)?;
     memory::check_render(size, &settings)?;
     let scene_hash = hash_of(&shot);
-    let camera = shot.camera.clone();
+    let (camera, path) = (shot.camera, shot.path);
     let load_ms = start.elapsed().as_secs_f64() * 1e3;
     let start = Instant::now();
-    let mut engine = Engine::new(shot.scene, args.backend, &settings, args.quiet)?;
+    let engine = Engine::new(shot.scene, args.backend, &settings, args.quiet)?;
     let build_ms = start.elapsed().as_secs_f64() * 1e3;
-    let start = Instant::now();
-    let frame = render_with_bar(&mut engine, &camera, size, &settings, args.quiet)?;
-    let render_ms = start.elapsed().as_secs_f64() * 1e3;
-
-    if let Some(reason) = find_reason_of_black(&frame).filter(|_| !args.quiet) {
-        let _ = writeln!(std::io::stderr(), "warning: {reason}");
-    }
-    let mut metadata = metadata(&settings, &camera, args, engine.names(), render_ms);
-    metadata.push(("manylight.sceneHash".to_owned(), format!("{scene_hash:016x}")));
-    if let Some(alpha) = frame.alpha {
-        metadata.push(("manylight.alpha".to_owned(), alpha.to_string()));
-    }
-    let picture = output::picture(&frame, metadata);
-    for path in &args.output {
-        output::write(&picture, path, &settings)?;
-    }
-    if let Some(path) = &args.heatmap {
-        let evals = &picture.layers.iter().find(|l| l.0 == "evals").ok_or("no evals")?.1;
-        let top = evals.data.iter().copied().fold(1.0, f32::max);
-        let rgb = manylight_image::heatmap(evals, 0.0, top)?;
-        manylight_image::write_png_rgb8(&rgb, size[0], size[1], path)?;
-    }
-    let times = [("load scene", load_ms), ("build bvh", build_ms), ("render", render_ms)];
-    if args.json {
-        let stages = stages_json(&frame);
-        let times: serde_json::Map<String, Value> =
-            times.iter().map(|(n, t)| (format!("{}_ms", n.replace(' ', "_")), json!(t))).collect();
-        let report = json!({
-            "scene": args.scene, "size": size, "d_min": frame.d_min, "alpha": frame.alpha,
-            "times": times,
-            "stages": stages, "settings": settings.to_json(),
-        });
-        writeln!(std::io::stdout(), "{report}")?;
-    } else if !args.quiet {
-        print_table(&frame, &times, size)?;
+    let prepared = [("load scene", load_ms), ("build bvh", build_ms)];
+    let mut run = Run { args, engine, settings, size, scene_hash, prepared };
+    match frames {
+        None => run.render_picture(&camera)?,
+        Some(frames) => run.render_frames(frames, &|n| path.at(n).unwrap_or(camera.clone()))?,
     }
     Ok(Outcome::Done)
+}
+
+/// A scene that is ready, and what is to be made of it.
+struct Run<'a> {
+    args: &'a RenderArgs,
+    engine: Engine,
+    settings: Settings,
+    size: [usize; 2],
+    scene_hash: u64,
+    /// What took how long before, ms.
+    prepared: [(&'static str, f64); 2],
+}
+
+impl Run<'_> {
+    fn render_picture(&mut self, camera: &Camera) -> Result<(), Failure> {
+        let args = self.args;
+        let Self { engine, settings, size, .. } = self;
+        let start = Instant::now();
+        let frame = with_bar(args.quiet, &mut |progress| {
+            engine.render(camera, *size, settings, progress, args.quiet)
+        })?;
+        let render_ms = start.elapsed().as_secs_f64() * 1e3;
+        self.write(&frame, camera, render_ms, None)?;
+        let [load, build] = self.prepared;
+        let times = [load, build, ("render", render_ms)];
+        if !args.json && !args.quiet {
+            print_table(&frame, &times, self.size)?;
+        }
+        Ok(())
+    }
+
+    fn render_frames(
+        &mut self,
+        frames: RangeInclusive<u32>,
+        camera: &dyn Fn(u32) -> Camera,
+    ) -> Result<(), Failure> {
+        let args = self.args;
+        let is_finished = |n: u32| {
+            let mut files = args.output.iter().chain(&args.heatmap).peekable();
+            files.peek().is_some() && files.all(|path| sequence::file_of(path, n).exists())
+        };
+        let unfinished = frames.clone().filter(|&n| args.overwrite || !is_finished(n));
+        let unfinished: Vec<u32> = unfinished.collect();
+        let finished = frames.count() - unfinished.len();
+        if finished > 0 && !args.quiet {
+            let kept = "are there already and kept; --overwrite renders them again";
+            writeln!(std::io::stderr(), "{finished} frames {kept}")?;
+        }
+        let filter = &self.settings.filter;
+        let warm_up = filter.temporal.then(|| args.warm_up.unwrap_or(filter.history));
+        let mut past = Past::default();
+        for step in sequence::plan(unfinished.into_iter(), warm_up) {
+            let number = match step {
+                Step::Forget => {
+                    self.engine.forget(&mut past);
+                    continue;
+                }
+                Step::WarmUp(number) | Step::Write(number) => number,
+            };
+            let camera = camera(number);
+            let start = Instant::now();
+            let Self { engine, settings, size, .. } = self;
+            let frame = with_bar(args.quiet, &mut |progress| {
+                let (view, next) = ((&camera, *size), (number, &mut past));
+                engine.render_next(view, settings, next, progress, args.quiet)
+            })?;
+            let render_ms = start.elapsed().as_secs_f64() * 1e3;
+            let is_written = matches!(step, Step::Write(_));
+            if is_written {
+                self.write(&frame, &camera, render_ms, Some(number))?;
+            }
+            if !args.json && !args.quiet {
+                let note = if is_written { "" } else { ", not written" };
+                writeln!(std::io::stderr(), "frame {number}: {render_ms:.1} ms{note}")?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes a picture into all files, and about it as JSON.
+    fn write(
+        &self,
+        frame: &Frame,
+        camera: &Camera,
+        render_ms: f64,
+        number: Option<u32>,
+    ) -> Result<(), Failure> {
+        let Self { args, engine, settings, size, .. } = self;
+        if let Some(reason) = find_reason_of_black(frame).filter(|_| !args.quiet) {
+            let _ = writeln!(std::io::stderr(), "warning: {reason}");
+        }
+        let mut metadata = metadata(settings, camera, args, engine.names(), render_ms);
+        metadata.push(("manylight.sceneHash".to_owned(), format!("{:016x}", self.scene_hash)));
+        if let Some(alpha) = frame.alpha {
+            metadata.push(("manylight.alpha".to_owned(), alpha.to_string()));
+        }
+        if let Some(number) = number {
+            metadata.push(("manylight.frame".to_owned(), number.to_string()));
+        }
+        let file_of = |path: &PathBuf| match number {
+            Some(number) => sequence::file_of(path, number),
+            None => path.clone(),
+        };
+        let picture = output::picture(frame, metadata);
+        for path in &args.output {
+            output::write(&picture, &file_of(path), settings)?;
+        }
+        if let Some(path) = &args.heatmap {
+            let evals = &picture.layers.iter().find(|l| l.0 == "evals").ok_or("no evals")?.1;
+            let top = evals.data.iter().copied().fold(1.0, f32::max);
+            let rgb = manylight_image::heatmap(evals, 0.0, top)?;
+            manylight_image::write_png_rgb8(&rgb, size[0], size[1], &file_of(path))?;
+        }
+        if args.json {
+            let [load, build] = self.prepared;
+            let times = [load, build, ("render", render_ms)];
+            let times =
+                times.iter().map(|(n, t)| (format!("{}_ms", n.replace(' ', "_")), json!(t)));
+            let times: serde_json::Map<String, Value> = times.collect();
+            let mut report = json!({
+                "scene": args.scene, "size": size, "d_min": frame.d_min, "alpha": frame.alpha,
+                "times": times,
+                "stages": stages_json(frame), "settings": settings.to_json(),
+            });
+            if let Some(number) = number {
+                report["frame"] = json!(number);
+            }
+            writeln!(std::io::stdout(), "{report}")?;
+        }
+        Ok(())
+    }
 }
 
 /// Why a picture shows nothing, if it does.
@@ -149,15 +255,12 @@ fn find_reason_of_black(frame: &Frame) -> Option<&'static str> {
 }
 
 /// Renders with a progress bar on a terminal.
-pub fn render_with_bar(
-    engine: &mut Engine,
-    camera: &Camera,
-    size: [usize; 2],
-    settings: &Settings,
+fn with_bar(
     quiet: bool,
+    render: &mut dyn FnMut(Progress<'_>) -> Result<Frame, Failure>,
 ) -> Result<Frame, Failure> {
     if quiet || !std::io::stderr().is_terminal() {
-        return engine.render(camera, size, settings, &|_, _| (), quiet);
+        return render(&|_, _| ());
     }
     let style = ProgressStyle::with_template("{msg:<14} {wide_bar} {percent:>3} % {eta:>5} left")?;
     let start = Instant::now();
@@ -172,7 +275,7 @@ pub fn render_with_bar(
             bar.set_position((share * 1000.0) as u64);
         }
     };
-    let frame = engine.render(camera, size, settings, &tick, quiet);
+    let frame = render(&tick);
     if let Ok(Some(bar)) = bar.into_inner() {
         bar.finish_and_clear();
     }

@@ -102,6 +102,71 @@ fn the_same_seed_writes_the_same_picture_at_any_thread_count() {
     assert!(one == beauty("2") && one == beauty("7"));
 }
 
+/// The Cornell box with a camera that moves a little.
+const MOVING: &str = r#"{"scene": "builtin:cornell", "camera": {
+    "position": [0, 1, 3.4], "target": [0, 1, 0], "vfov_deg": 40,
+    "keys": [{"frame": 8, "position": [0.1, 1, 3.4]}]}}"#;
+
+/// Frames of the moving shot, by a run with more options; the bytes of each.
+fn frames(folder: &Folder, name: &str, range: &str, more: &[&str]) -> Vec<Vec<u8>> {
+    let shot = folder.write("moving.json", MOVING);
+    let out = folder.file(&format!("{name}-###.pfm"));
+    let args = ["render", &shot, "-o", &out, "--frames", range, "--backend", "cpu"];
+    let output = manylight(&[&args[..], &QUICK, more].concat());
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let read =
+        |n: u32| std::fs::read(folder.file(&format!("{name}-{n:03}.pfm"))).unwrap_or_default();
+    (0..4).map(read).collect()
+}
+
+#[test]
+fn frames_of_a_sequence_are_the_same_in_any_run() {
+    let folder = Folder::new("sequence");
+    let whole = frames(&folder, "whole", "0..3", &[]);
+    assert!(whole.iter().all(|frame| frame.len() > 500) && whole[0] != whole[1]);
+    let single = folder.file("single.pfm");
+    let args = ["render", &folder.file("moving.json"), "-q", "-o", &single, "--backend", "cpu"];
+    assert!(manylight(&[&args[..], &QUICK].concat()).status.success());
+    assert!(std::fs::read(single).expect("picture") == whole[0], "frame 0 is the shot");
+    frames(&folder, "parts", "2..3", &[]);
+    assert!(frames(&folder, "parts", "0..1", &[]) == whole);
+
+    // Finished frames are kept, unless they are to be overwritten.
+    folder.write("parts-001.pfm", "mine");
+    assert_eq!(frames(&folder, "parts", "0..3", &[])[1], b"mine");
+    assert!(frames(&folder, "parts", "0..3", &["--overwrite"]) == whole);
+}
+
+#[test]
+fn frames_that_add_up_are_the_same_after_the_same_frames() {
+    let folder = Folder::new("added");
+    let temporal = ["--set", "filter.temporal=true"];
+    let whole = frames(&folder, "whole", "0..3", &temporal);
+    assert!(whole == frames(&folder, "again", "0..3", &temporal));
+    // A run that begins later renders those before, or not.
+    frames(&folder, "resumed", "2..3", &temporal);
+    std::fs::remove_file(folder.file("resumed-002.pfm")).expect("removed");
+    assert!(frames(&folder, "resumed", "0..3", &temporal) == whole);
+    let cold = frames(&folder, "cold", "3..3", &[&temporal[..], &["--warm-up", "1"]].concat());
+    assert!(cold[3].len() > 500 && cold[3] != whole[3] && cold[2].is_empty());
+    let alone = frames(&folder, "alone", "0..3", &[]);
+    assert!(whole[0] == alone[0] && whole[1] != alone[1]);
+}
+
+#[test]
+fn frames_report_a_line_each() {
+    let folder = Folder::new("lines");
+    let out = folder.file("a.png");
+    let args = ["render", "builtin:cornell", "-o", &out, "--frames", "3..4", "--json"];
+    let output = manylight(&[&args[..], &QUICK].concat());
+    let lines: Vec<serde_json::Value> = text(&output.stdout)
+        .lines()
+        .map(|line| serde_json::from_str(line).expect("JSON"))
+        .collect();
+    assert_eq!(lines.iter().map(|l| l["frame"].as_u64()).collect::<Vec<_>>(), [Some(3), Some(4)]);
+    assert!(Path::new(&folder.file("a.0003.png")).exists() && !Path::new(&out).exists());
+}
+
 #[test]
 fn bad_input_is_one_sentence_and_exit_code_2() {
     let folder = Folder::new("bad");
@@ -169,6 +234,24 @@ fn bad_input_is_one_sentence_and_exit_code_2() {
         (vec!["render", cornell, "-o", &out, "--size", "-5x10"], "--size -5x10"),
         (vec!["bench", cornell, "--dump-rays", &dumped], "--rays"),
         (vec!["render", cornell, "--no-such"], "--no-such"),
+        (vec!["render", cornell, "-o", &out, "--frames", "5..3"], "--frames 5..3: write FIRST"),
+        (vec!["render", cornell, "-o", &out, "--frames", "-1..3"], "--frames -1..3"),
+        (vec!["render", cornell, "-o", &out, "--frames", "7"], "for example 0..47"),
+        (vec!["render", cornell, "-o", &out, "--overwrite"], "--frames"),
+        (vec!["render", cornell, "-o", &out, "--warm-up", "3"], "--frames"),
+        (
+            vec![
+                "render",
+                cornell,
+                "-o",
+                &out,
+                "--set",
+                "filter.temporal=true",
+                "--set",
+                "film.samples=2",
+            ],
+            "filter.temporal: true goes with one sample",
+        ),
         (vec!["bench", cornell, "--frames", "0"], "0 is not in 1..=10000"),
         (vec!["bench", cornell, "--quality", "9", "--rays"], "cannot be used with"),
         (vec!["compare", "no-a.exr", "no-b.exr"], "no-a.exr"),

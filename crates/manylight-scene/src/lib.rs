@@ -6,6 +6,7 @@
 //! [`Warning`] or refused with an [`Error`] of one sentence.
 
 mod scene;
+mod camera_path;
 mod error;
 mod json;
 mod gltf;
@@ -15,6 +16,7 @@ mod validate;
 mod procedural;
 mod load;
 
+pub use camera_path::{CameraKey, CameraPath};
 pub use error::{Error, Warning};
 pub use load::{load, load_gltf_bytes};
 pub use procedural::{BUILTINS, builtin};
@@ -29,8 +31,10 @@ pub use shot::{MAX_PIXELS, ShotFile, ShotLight, parse_shot_text};
 pub struct Shot {
     /// What is where.
     pub scene: Scene,
-    /// The view.
+    /// The view; that of frame 0.
     pub camera: Camera,
+    /// Where the camera is in the frames of a sequence.
+    pub path: CameraPath,
     /// The `settings` object of a shot file, untouched; empty for a bare scene. The renderer
     /// that owns the settings checks them.
     pub settings: serde_json::Map<String, serde_json::Value>,

@@ -9,8 +9,8 @@ use crate::error::Warnings;
 use crate::json::{self, Item};
 use crate::shot::{self, ShotFile, ShotLight};
 use crate::{
-    BUILTINS, Camera, Error, Instance, Light, Material, Mesh, Scene, Shot, Sky, builtin, gltf, sky,
-    validate,
+    BUILTINS, Camera, CameraPath, Error, Instance, Light, Material, Mesh, Scene, Shot, Sky,
+    builtin, gltf, sky, validate,
 };
 
 /// Full vertical angle of a camera that is placed by the program, degrees.
@@ -102,7 +102,13 @@ fn finish_bare(mut scene: Scene, mut warnings: Warnings) -> Result<Shot, Error> 
         warnings.add("nothing in the file shines, so a sun was added", 1);
     }
     let camera = choose_camera(&scene, &mut warnings)?;
-    Ok(Shot { scene, camera, settings: Map::new(), warnings: warnings.0 })
+    Ok(Shot {
+        scene,
+        camera,
+        path: CameraPath::default(),
+        settings: Map::new(),
+        warnings: warnings.0,
+    })
 }
 
 /// A shot file with its scene.
@@ -144,7 +150,7 @@ fn build_shot(path: &str, file: ShotFile, folder: Option<&Path>) -> Result<Shot,
         Some(camera) => camera,
         None => choose_camera(&scene, &mut warnings)?,
     };
-    Ok(Shot { scene, camera, settings: file.settings, warnings: warnings.0 })
+    Ok(Shot { scene, camera, path: file.path, settings: file.settings, warnings: warnings.0 })
 }
 
 fn load_shot_scene(shot: &str, path: &Path, warnings: &mut Warnings) -> Result<Scene, Error> {

@@ -7,7 +7,7 @@ use glam::Vec3;
 use serde_json::{Map, Value};
 
 use crate::json::{self, Item};
-use crate::{Camera, Error, Light};
+use crate::{Camera, CameraKey, CameraPath, Error, Light};
 
 /// Share of `cone_deg` at which a spot begins to fade where `inner_deg` is not stated.
 const DEFAULT_INNER_SHARE: f32 = 0.75;
@@ -25,6 +25,8 @@ pub struct ShotFile {
     pub scene: String,
     /// The view; `None`: the scene's own first camera, else one that shows everything.
     pub camera: Option<Camera>,
+    /// Where it is in the frames of a sequence.
+    pub path: CameraPath,
     /// Replaces the scene's punctual lights and sky; `None`: everything in the scene shines.
     pub lights: Option<Vec<ShotLight>>,
     /// Settings of the renderer, untouched.
@@ -88,6 +90,7 @@ pub(crate) fn parse_shot(root: &Item<'_>) -> Result<ShotFile, Error> {
         return Err(scene_item.fail("empty; name a .glb or .gltf file, or builtin:NAME"));
     }
     let camera = root.field("camera")?.map(|item| parse_camera(&item)).transpose()?;
+    let (camera, path) = camera.map_or_else(Default::default, |(c, path)| (Some(c), path));
     let lights = match root.field("lights")? {
         Some(list) => {
             let lights: Vec<ShotLight> =
@@ -105,29 +108,68 @@ pub(crate) fn parse_shot(root: &Item<'_>) -> Result<ShotFile, Error> {
         Some(item) => item.map()?.clone(),
         None => Map::new(),
     };
-    Ok(ShotFile { scene, camera, lights, settings })
+    Ok(ShotFile { scene, camera, path, lights, settings })
 }
 
-fn parse_camera(item: &Item<'_>) -> Result<Camera, Error> {
-    item.check_keys(&["position", "target", "up", "vfov_deg", "width", "height"])?;
-    let position = parse_point(&item.required("position")?)?;
-    let target = parse_point(&item.required("target")?)?;
-    let up_item = item.field("up")?;
-    let up = up_item.as_ref().map_or(Ok(Vec3::Y), parse_point)?;
-    let vfov_item = item.required("vfov_deg")?;
-    let vfov_deg = vfov_item.single()?;
-    if !(vfov_deg > 0.0 && vfov_deg < 180.0) {
-        return Err(vfov_item.fail(format!("{vfov_deg} found; allowed: above 0 and below 180")));
-    }
-    let mut camera =
-        Camera::look_at(position, target, up, vfov_deg.to_radians()).ok_or_else(|| {
-            item.fail(
-                "position, target and up span no frame; move the target away from the \
-         position and up out of the line of sight",
-            )
-        })?;
+fn parse_camera(item: &Item<'_>) -> Result<(Camera, CameraPath), Error> {
+    item.check_keys(&["position", "target", "up", "vfov_deg", "width", "height", "keys"])?;
+    let first = CameraKey {
+        frame: 0,
+        position: parse_point(&item.required("position")?)?,
+        target: parse_point(&item.required("target")?)?,
+        up: item.field("up")?.map_or(Ok(Vec3::Y), |up| parse_point(&up))?,
+        vfov_rad: parse_vfov(&item.required("vfov_deg")?)?,
+    };
+    let mut camera = first.camera().ok_or_else(|| no_frame(item))?;
     camera.size_px = parse_size(item)?;
-    Ok(camera)
+    let path = match item.field("keys")? {
+        Some(list) => parse_keys(first, &list)?,
+        None => CameraPath::default(),
+    };
+    Ok((camera, path))
+}
+
+/// The views of later frames; what one does not state is as in the one before.
+fn parse_keys(first: CameraKey, list: &Item<'_>) -> Result<CameraPath, Error> {
+    let mut keys = vec![first];
+    for item in list.items()? {
+        item.check_keys(&["frame", "position", "target", "up", "vfov_deg"])?;
+        let frame_item = item.required("frame")?;
+        let mut key = keys[keys.len() - 1];
+        key.frame = match u32::try_from(frame_item.whole()?) {
+            Ok(frame) if frame > key.frame => frame,
+            _ => {
+                let least = key.frame.saturating_add(1);
+                return Err(frame_item.fail(format!("allowed: {least} to {}", u32::MAX)));
+            }
+        };
+        let point = |name: &str, last| item.field(name)?.map_or(Ok(last), |p| parse_point(&p));
+        key.position = point("position", key.position)?;
+        key.target = point("target", key.target)?;
+        key.up = point("up", key.up)?;
+        if let Some(vfov) = item.field("vfov_deg")? {
+            key.vfov_rad = parse_vfov(&vfov)?;
+        }
+        key.camera().ok_or_else(|| no_frame(&item))?;
+        keys.push(key);
+    }
+    Ok(CameraPath { keys })
+}
+
+/// A full vertical angle, radians.
+fn parse_vfov(item: &Item<'_>) -> Result<f32, Error> {
+    let degrees = item.single()?;
+    if !(degrees > 0.0 && degrees < 180.0) {
+        return Err(item.fail(format!("{degrees} found; allowed: above 0 and below 180")));
+    }
+    Ok(degrees.to_radians())
+}
+
+fn no_frame(item: &Item<'_>) -> Error {
+    item.fail(
+        "position, target and up span no frame; move the target away from the position and up \
+         out of the line of sight",
+    )
 }
 
 /// `width` and `height`, both or none.

@@ -47,6 +47,21 @@ fn good() -> Value {
 }
 
 #[test]
+fn cameras_move_by_keys() {
+    let folder = make_folder("keys");
+    let mut shot = good();
+    shot["camera"]["keys"] = json!([{"frame": 10, "position": [0, 4, 0]}, {"frame": 11}]);
+    let shot = load_text(&folder, "keys.json", &shot.to_string()).unwrap();
+    let at = |frame| shot.path.at(frame).unwrap();
+    assert_eq!(at(0).position, shot.camera.position);
+    assert!(at(5).position.abs_diff_eq(vec3(0.0, 3.0, 0.0), 1e-5));
+    assert_eq!(at(11).position, vec3(0.0, 4.0, 0.0));
+    assert!(at(12).forward.abs_diff_eq(vec3(1.0, -2.0, 0.0).normalize(), 1e-5));
+    let still = load_text(&folder, "still.json", &good().to_string()).unwrap();
+    assert!(still.path.is_empty());
+}
+
+#[test]
 fn every_part_of_a_shot_arrives() {
     let folder = make_folder("every_part");
     let shot = load_text(&folder, "shot.json", &good().to_string()).unwrap();
@@ -137,6 +152,13 @@ fn wrong_fields_are_refused_with_their_place() {
         ("/camera/target", json!([0, 2, 0]), "span no frame"),
         ("/camera/up", json!([1, 0, 0]), "span no frame"),
         ("/camera/up", json!([0, 0, 0]), "span no frame"),
+        ("/camera/keys", json!({}), "camera.keys: an object found"),
+        ("/camera/keys", json!([{"frame": 0}]), "camera.keys[0].frame: allowed: 1 to"),
+        ("/camera/keys", json!([{"frame": 2}, {"frame": 2}]), "keys[1].frame: allowed: 3 to"),
+        ("/camera/keys", json!([{"frame": 2.5}]), "a whole number"),
+        ("/camera/keys", json!([{"frame": 2, "target": [0, 2, 0]}]), "span no frame"),
+        ("/camera/keys", json!([{"frame": 2, "width": 4}]), "keys[0].width: unknown key"),
+        ("/camera/keys", json!([{"frame": 2, "vfov_deg": 0}]), "keys[0].vfov_deg: 0 found"),
         ("/camera/vfov_deg", json!(0), "camera.vfov_deg: 0 found"),
         ("/camera/vfov_deg", json!(180), "below 180"),
         ("/camera/vfov_deg", json!("60"), "finite number"),

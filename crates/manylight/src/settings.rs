@@ -168,7 +168,10 @@ group! {
         enabled: bool = true,
         /// Passes; the first reaches one pixel, each one after it twice as far. 1 to 8.
         passes: u32 = 5,
-        /// Frames of a sequence that count for a ratio, 1 to 256; a still picture is one frame.
+        /// Whether frames of a sequence add the ratios of those before them; a frame then depends
+        /// on which were rendered before it, and shadow rays differ from frame to frame.
+        temporal: bool = false,
+        /// Frames that count for a ratio where they are added, 1 to 256.
         /// More: less noise, and shadows of moving lights that lag further behind.
         history: u32 = 16,
     }
@@ -337,6 +340,13 @@ impl Settings {
         if self.grid.lobes != 1 && self.grid.lobes != 6 {
             return Err(setting("grid.lobes", format!("{} is neither 1 nor 6", self.grid.lobes)));
         }
+        if self.filter.temporal && self.film.samples > 1 {
+            let problem = format!(
+                "true goes with one sample per pixel, and film.samples is {}; leave one of them",
+                self.film.samples
+            );
+            return Err(setting("filter.temporal", problem));
+        }
         if ![1, 2, 4].contains(&self.interleave) {
             let problem = format!("{} is neither 1, 2 nor 4", self.interleave);
             return Err(setting("interleave", problem));
@@ -473,11 +483,19 @@ mod tests {
             ("interleave", "3"),
             ("interleave", "8"),
             ("film.exposure_ev", "1e9"),
+            ("filter.history", "0"),
         ] {
             let mut s = Settings::default();
             s.set(path, text).expect(path);
             let error = s.validate().expect_err(path).to_string();
             assert!(error.contains(path), "{error}");
         }
+        let mut s = Settings::default();
+        (s.filter.temporal, s.film.samples) = (true, 2);
+        let error = s.validate().expect_err("two samples").to_string();
+        assert!(
+            error.contains("filter.temporal") && error.contains("film.samples is 2"),
+            "{error}"
+        );
     }
 }

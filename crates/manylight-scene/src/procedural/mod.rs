@@ -14,7 +14,7 @@ mod tests;
 
 use glam::{Affine3A, Vec3};
 
-use crate::{Camera, Instance, Material, Mesh, Scene, Shot};
+use crate::{Camera, CameraPath, Instance, Material, Mesh, Scene, Shot};
 use shapes::Shape;
 
 /// The names that [`builtin`] knows, without the `builtin:` prefix.
@@ -103,7 +103,8 @@ impl Assembly {
             .map(|c| Camera { name: "builtin".to_owned(), size_px: Some(view.size_px), ..c })
             .expect("builtin views are never straight up or down");
         self.scene.cameras.push(camera.clone());
-        Shot { scene: self.scene, camera, settings: serde_json::Map::new(), warnings: Vec::new() }
+        let (path, settings) = (CameraPath::default(), serde_json::Map::new());
+        Shot { scene: self.scene, camera, path, settings, warnings: Vec::new() }
     }
 }
 

@@ -5,14 +5,17 @@
 #[cfg(feature = "gpu")]
 pub mod gpu;
 mod layers;
+mod sequence;
 mod stage;
 
+pub use sequence::Past;
 pub use stage::{Progress, Stage};
 
 use crate::composite::Layers;
 use crate::direct;
 use crate::emitter::{Emitters, SkyEmitter};
 use crate::error::Error;
+use crate::filter::temporal::{self, Accumulated, History};
 use crate::filter::{self, Noisy};
 use crate::gather::{Gathered, brute, grid};
 use crate::math::{Sequence, hash_u32, morton_2d};
@@ -24,7 +27,9 @@ use crate::world::World;
 use glam::{Vec2, Vec3};
 use manylight_scene::{Camera, MAX_PIXELS, Scene, Sky};
 use rayon::prelude::*;
+use sequence::{Moment, is_added_up, noise};
 use stage::Clock;
+use std::sync::Arc;
 
 /// Sky rays per receiver of the brute method.
 const BRUTE_SKY_RAYS: u32 = 256;
@@ -38,6 +43,18 @@ pub struct Renderer {
     pub world: World,
     /// Sources of light.
     pub emitters: Emitters,
+    /// Another one in every renderer.
+    identity: Arc<()>,
+}
+
+/// One sample of a picture, as far as it is not the view's.
+#[derive(Clone, Copy)]
+struct Sample<'a> {
+    settings: &'a Settings,
+    /// Position among the samples of a pixel.
+    index: u32,
+    /// Mixed into the seeds of what differs from frame to frame.
+    noise: u32,
 }
 
 /// A finished picture.
@@ -63,7 +80,7 @@ impl Renderer {
         if emitters.is_dark() {
             return Err(nothing_shines(&world.scene.name));
         }
-        Ok(Self { world, emitters })
+        Ok(Self { world, emitters, identity: Arc::default() })
     }
 
     /// The distance clamp of a render, metres.
@@ -86,15 +103,60 @@ impl Renderer {
         settings.validate()?;
         check_size([width, height])?;
         let view = ViewFrame::new(camera, width, height);
+        Ok(self.render_view(&view, settings, (0, None), progress))
+    }
+
+    /// Renders the next frame of a sequence.
+    ///
+    /// Without `filter.temporal` it is the picture of [`Renderer::render`]. With it, light paths
+    /// stay where they are, shadow rays have random numbers of their own in each frame, by its
+    /// number, and their ratios are added to those of the frames before: the same bits for the same
+    /// frames since the past was empty. It is forgotten at cuts (a turn of 30°, a twentieth of the
+    /// scene's diagonal) and where scene, size or settings change.
+    /// Errors: as [`Renderer::render`]
+    pub fn render_next(
+        &self,
+        camera: &Camera,
+        [width, height]: [usize; 2],
+        settings: &Settings,
+        frame: u32,
+        past: &mut Past,
+        progress: Progress<'_>,
+    ) -> Result<Frame, Error> {
+        settings.validate()?;
+        check_size([width, height])?;
+        let view = ViewFrame::new(camera, width, height);
+        if !is_added_up(settings) {
+            past.clear();
+            return Ok(self.render_view(&view, settings, (0, None), progress));
+        }
+        past.go_on(self.moment(&view, settings));
+        let history = Some(&mut past.history);
+        Ok(self.render_view(&view, settings, (noise(frame), history), progress))
+    }
+
+    fn moment(&self, view: &ViewFrame, settings: &Settings) -> Moment {
+        Moment::new((&self.identity, self.world.diagonal()), view, settings)
+    }
+
+    /// All samples of a picture, with a frame's noise and what it adds its ratios to.
+    fn render_view(
+        &self,
+        view: &ViewFrame,
+        settings: &Settings,
+        (noise, mut history): (u32, Option<&mut History>),
+        progress: Progress<'_>,
+    ) -> Frame {
         let mut clock = Clock::new(progress);
         let samples = if settings.method == Method::Path { 1 } else { settings.film.samples };
         let mut sum: Option<Layers> = None;
         let mut last_alpha = None;
         let weight = 1.0 / samples as f32;
-        for sample in 0..samples {
+        for index in 0..samples {
+            let sample = Sample { settings, index, noise };
             let (layers, alpha) = match settings.method {
-                Method::Path => (self.path_layers(&view, settings, &mut clock), None),
-                _ => self.vpl_layers(&view, settings, sample, &mut clock),
+                Method::Path => (self.path_layers(view, settings, &mut clock), None),
+                _ => self.vpl_layers(view, sample, history.as_deref_mut(), &mut clock),
             };
             last_alpha = alpha;
             match &mut sum {
@@ -105,22 +167,24 @@ impl Renderer {
         }
         let layers = sum.unwrap_or_default();
         let stages = clock.finish();
-        Ok(Frame { layers, stages, d_min: self.d_min(settings), alpha: last_alpha })
+        Frame { layers, stages, d_min: self.d_min(settings), alpha: last_alpha }
     }
 
     /// One sample of the methods that use virtual lights, and the alpha of its bounced light.
     fn vpl_layers(
         &self,
         view: &ViewFrame,
-        settings: &Settings,
-        sample: u32,
+        Sample { settings, index, noise }: Sample<'_>,
+        history: Option<&mut History>,
         clock: &mut Clock<'_>,
     ) -> (Layers, Option<f32>) {
         let (world, emitters) = (&self.world, &self.emitters);
         let normal_maps = settings.surface.normal_maps;
-        let seed = hash_u32(settings.seed ^ hash_u32(sample));
+        let seed = hash_u32(settings.seed ^ hash_u32(index));
+        // Lights stay where they are, the rays that ask for their shadows do not.
+        let draws = seed ^ noise;
         let d_min = self.d_min(settings);
-        let jitter = Vec2::from_array(Sequence::new(settings.seed, sample).next_2d());
+        let jitter = Vec2::from_array(Sequence::new(settings.seed, index).next_2d());
         let offset_px = if settings.film.samples == 1 { Vec2::splat(0.5) } else { jitter };
 
         let receivers = clock.run("receivers", || {
@@ -138,7 +202,7 @@ impl Renderer {
         // Irradiance whose shadow ratio a few rays made, and their number.
         let mut gathers = Vec::new();
         if let Some(sky) = &emitters.sky {
-            gathers.push(self.gather_sky(sky, &receivers, settings, seed ^ 5, clock));
+            gathers.push(self.gather_sky(sky, &receivers, settings, draws ^ 5, clock));
         }
 
         let on_emitters = clock.run("emitter vpls", || {
@@ -148,12 +212,12 @@ impl Renderer {
         });
         if !on_emitters.lights.is_empty() {
             let lights = &on_emitters.lights;
-            gathers.push(self.gather(&receivers, lights, settings, d_min, seed ^ 2, clock));
+            gathers.push(self.gather(&receivers, lights, settings, d_min, draws ^ 2, clock));
         }
         let direct_gathers = gathers.len();
         if settings.method != Method::Direct {
             let vpls = self.trace_vpls(settings, seed ^ 3, clock);
-            gathers.push(self.gather(&receivers, &vpls, settings, d_min, seed ^ 4, clock));
+            gathers.push(self.gather(&receivers, &vpls, settings, d_min, draws ^ 4, clock));
         }
 
         if settings.method != Method::Brute && settings.interleave > 1 {
@@ -165,7 +229,8 @@ impl Renderer {
                 ((), u64::from(settings.interleave))
             });
         }
-        self.filter_ratios(&mut gathers, &receivers, view, settings, clock);
+        let past = history.map(|history| (history, offset_px));
+        self.filter_ratios(&mut gathers, (&receivers, view), settings, past, clock);
         let (on_direct, on_indirect) = gathers.split_at(direct_gathers);
         on_direct.iter().for_each(|(gathered, _)| layers.add_direct(gathered));
         on_indirect.iter().for_each(|(gathered, _)| layers.set_indirect(gathered));
@@ -277,13 +342,14 @@ impl Renderer {
         (gathered, if settings.method == Method::Brute { 0 } else { rays })
     }
 
-    /// Smooths the ratios that few rays made, all at once.
+    /// Adds the ratios that few rays made to those of the past, if any, seen through points of the
+    /// pixels, and smooths them, all at once.
     fn filter_ratios(
         &self,
         gathers: &mut [(Gathered, u32)],
-        receivers: &Receivers,
-        view: &ViewFrame,
+        (receivers, view): (&Receivers, &ViewFrame),
         settings: &Settings,
+        past: Option<(&mut History, Vec2)>,
         clock: &mut Clock<'_>,
     ) {
         let mut noisy: Vec<_> = gathers.iter_mut().filter(|(_, rays)| *rays > 0).collect();
@@ -291,7 +357,7 @@ impl Renderer {
             return;
         }
         clock.run("filter", || {
-            let ratios: Vec<_> = noisy
+            let mut ratios: Vec<_> = noisy
                 .iter()
                 .map(|(Gathered { shadow_ratio: ratio, trust, .. }, rays)| Noisy {
                     ratio,
@@ -300,6 +366,12 @@ impl Renderer {
                     rays: *rays,
                 })
                 .collect();
+            if let Some((history, offset_px)) = past {
+                let filter = &settings.filter;
+                let several =
+                    temporal::accumulate(&ratios, receivers, view, offset_px, history, filter);
+                ratios = several.iter().map(Accumulated::noisy).collect();
+            }
             let smooth = filter::atrous(&ratios, receivers, view, &settings.filter);
             for ((gathered, _), ratio) in noisy.iter_mut().zip(smooth) {
                 gathered.shadow_ratio = ratio;
@@ -369,5 +441,7 @@ fn check_size([width, height]: [usize; 2]) -> Result<(), Error> {
     Err(Error::Setting { path: "size".to_owned(), problem })
 }
 
+#[cfg(test)]
+mod sequence_tests;
 #[cfg(test)]
 mod tests;

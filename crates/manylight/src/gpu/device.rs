@@ -2,6 +2,8 @@
 
 use super::buffer::{Account, HeldBytes};
 use super::recorder::{Arena, Recorder};
+#[cfg(debug_assertions)]
+use super::reload::Reload;
 use super::{Buf, Features, KernelInfo, Record, SHADERS, link};
 use crate::error::Error;
 use crate::settings::GpuSettings;
@@ -66,7 +68,10 @@ pub struct Gpu {
     name: String,
     features: Features,
     scene_layout: wgpu::BindGroupLayout,
-    pipelines: Mutex<HashMap<&'static str, wgpu::ComputePipeline>>,
+    pub(super) pipelines: Mutex<HashMap<&'static str, wgpu::ComputePipeline>>,
+    /// Shader files that may change; locked after `pipelines`.
+    #[cfg(debug_assertions)]
+    pub(super) reload: Mutex<Option<Reload>>,
     /// Those that no recording holds.
     arenas: Arc<Mutex<Vec<Arena>>>,
     account: Arc<Account>,
@@ -209,6 +214,8 @@ impl Gpu {
             name,
             scene_layout,
             pipelines: Mutex::default(),
+            #[cfg(debug_assertions)]
+            reload: Mutex::new(Reload::from_environment()),
             arenas: Arc::default(),
             account: Arc::default(),
             problem: Arc::default(),
@@ -417,6 +424,8 @@ impl Gpu {
 
     /// A recorder of one submission; `scene` is what kernels find in group 1.
     pub fn record<'g>(&'g self, scene: Option<&'g wgpu::BindGroup>) -> Recorder<'g> {
+        #[cfg(debug_assertions)]
+        self.reload_shaders();
         Recorder::new(self, scene)
     }
 
@@ -430,6 +439,8 @@ impl Gpu {
         scene: Option<&'g wgpu::BindGroup>,
         work: impl FnOnce(&mut Recorder<'g>) -> T,
     ) -> T {
+        #[cfg(debug_assertions)]
+        self.reload_shaders();
         Recorder::lend(self, encoder, scene, work)
     }
 
@@ -447,12 +458,19 @@ impl Gpu {
     /// Panics: where a shader does not link, which a test rules out
     pub(super) fn pipeline(&self, kernel: &'static KernelInfo) -> wgpu::ComputePipeline {
         let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
-        pipelines.entry(kernel.shader).or_insert_with(|| self.build(kernel)).clone()
+        let build = || {
+            #[cfg(debug_assertions)]
+            if let Some(pipeline) = self.build_from_folder(kernel) {
+                return pipeline;
+            }
+            let text = link(kernel, SHADERS, self.features).expect("a test links every shader");
+            self.build(kernel, text)
+        };
+        pipelines.entry(kernel.shader).or_insert_with(build).clone()
     }
 
-    fn build(&self, kernel: &KernelInfo) -> wgpu::ComputePipeline {
+    pub(super) fn build(&self, kernel: &KernelInfo, text: String) -> wgpu::ComputePipeline {
         let label = Some(kernel.shader);
-        let text = link(kernel, SHADERS, self.features).expect("a test links every shader");
         let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label,
             source: wgpu::ShaderSource::Wgsl(text.into()),

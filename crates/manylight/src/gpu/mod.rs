@@ -15,6 +15,8 @@ mod later;
 mod linker;
 mod pool;
 mod recorder;
+#[cfg(debug_assertions)]
+mod reload;
 pub mod scan;
 mod shaders;
 #[cfg(test)]

@@ -136,3 +136,79 @@ fn a_list_ends_where_its_memory_goes_on() {
     assert_eq!(gpu.read(&values, 70_000).expect("read"), sums);
     assert_eq!(gpu.read(&stale, 70_000).expect("read")[3000..], vec![9; 67_000]);
 }
+
+/// A copy of some shader files that a test may change.
+#[cfg(debug_assertions)]
+struct Shaders(std::path::PathBuf);
+
+#[cfg(debug_assertions)]
+impl Shaders {
+    fn new() -> Self {
+        let folder = std::env::temp_dir().join(format!("manylight-shaders-{}", std::process::id()));
+        let shaders = Self(folder);
+        for (path, text) in super::SHADERS.files.iter().filter(|file| file.0.starts_with("gpu/")) {
+            shaders.write(path, text);
+        }
+        shaders
+    }
+
+    fn write(&self, path: &str, text: &str) {
+        let file = self.0.join(path).with_extension("wgsl");
+        std::fs::create_dir_all(file.parent().expect("a folder")).expect("a folder");
+        std::fs::write(file, text).expect("a shader");
+    }
+}
+
+#[cfg(debug_assertions)]
+impl Drop for Shaders {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+#[cfg(debug_assertions)]
+#[test]
+fn shaders_change_while_the_program_runs() {
+    let Some(opened) = device() else { return };
+    let (raw, queue) = (opened.device().clone(), opened.queue().clone());
+    let gpu = Gpu::from_device(raw, queue, "theirs".to_owned()).expect("device");
+    let shaders = Shaders::new();
+    gpu.reload_from(&shaders.0);
+    let scan = Scan::new(&gpu, 3).expect("scan");
+    let sums = || {
+        let buffer = gpu.upload("values", &[5u32, 7, 1]).expect("buffer");
+        let mut rec = gpu.record(None);
+        scan.record(&mut rec, &buffer, 3);
+        rec.submit().wait().expect("done");
+        gpu.read(&buffer, 3).expect("read")
+    };
+    assert_eq!(sums(), [0, 5, 12]);
+
+    let path = "gpu/scan_blocks";
+    let find = |path| super::SHADERS.files.iter().find(|file| file.0 == path).expect("a file").1;
+    let text = find(path);
+    let stores = |(_, line): &(usize, &str)| line.contains("values[first + i] = ");
+    let (line, stored) = text.lines().enumerate().find(stores).expect("a store");
+    let changed = stored.replace(";", " + 100u;");
+    shaders.write(path, &text.replace(stored, &changed));
+    let more = sums();
+    assert_ne!(more, [0, 5, 12], "{changed}");
+    assert_eq!(gpu.shader_problem(), None);
+
+    // What cannot be parsed, what is no program, and what imports nothing.
+    let broken = stored.replace(" = ", " = = ");
+    let wrong = stored.replace(";", " + 1.5f;");
+    for (bad, at) in [(broken, true), (wrong, true), ("import package::no::file;".into(), false)] {
+        shaders.write(path, &text.replace(stored, &bad));
+        assert_eq!(sums(), more, "the old one stays: {bad}");
+        let problem = gpu.shader_problem().expect("a sentence");
+        let place = if at { format!("{path}.wgsl:{}: ", line + 1) } else { "no/file".to_owned() };
+        assert!(problem.contains(&place) && problem.lines().count() == 1, "{problem}");
+    }
+    shaders.write(path, text);
+    assert_eq!(sums(), [0, 5, 12]);
+    assert_eq!(gpu.shader_problem(), None);
+    // Where a file is gone, the one that was compiled in stands for it.
+    std::fs::remove_file(shaders.0.join("gpu/scan_blocks.wgsl")).expect("removed");
+    assert_eq!(sums(), [0, 5, 12]);
+}

@@ -76,13 +76,11 @@ impl ViewFrame {
     }
 
     /// Where rays of a perspective view start; the center of the picture of an orthographic one.
-    #[cfg(feature = "gpu")]
     pub(crate) fn eye(&self) -> Vec3 {
         self.position
     }
 
     /// Unit viewing direction.
-    #[cfg(feature = "gpu")]
     pub(crate) fn forward(&self) -> Vec3 {
         self.forward
     }

@@ -109,6 +109,9 @@ pub struct GpuHistory {
     /// Which of both holds the last frame.
     current: usize,
     last: Option<Last>,
+    /// The frame before the last one.
+    before: Option<Last>,
+    size: [usize; 2],
 }
 
 impl GpuHistory {
@@ -129,12 +132,25 @@ impl GpuHistory {
             motion: gpu.buffer("where surfaces were", pixels)?,
             current: 0,
             last: None,
+            before: None,
+            size: [width, height],
         })
+    }
+
+    /// Pixels across and down.
+    pub fn size(&self) -> [usize; 2] {
+        self.size
     }
 
     /// Forgets everything, as at a cut.
     pub fn clear(&mut self) {
         self.last = None;
+    }
+
+    /// Forgets the last frame, which is then rendered again: the one before it is the last.
+    pub fn undo(&mut self) {
+        self.current = 1 - self.current;
+        self.last = self.before.take();
     }
 
     /// Adds a frame's shares to those of earlier frames; twin of [`accumulate`](super::accumulate).
@@ -151,9 +167,10 @@ impl GpuHistory {
         settings: &FilterSettings,
     ) -> Vec<GpuNoisy<'h>> {
         let rays: Vec<u32> = noisy.iter().map(|signal| signal.rays).collect();
-        let last = self.last.take().filter(|last| last.rays == rays);
+        self.before = self.last.take();
+        let last = self.before.as_ref().filter(|last| last.rays == rays);
         let (before, now) = (self.current, 1 - self.current);
-        let params = match &last {
+        let params = match last {
             Some(last) => reproject_params(last, guides.size),
             None => ReprojectParams { size: guides.size, ..ReprojectParams::default() },
         };

@@ -10,26 +10,30 @@ mod diff;
 mod engine;
 mod lights;
 mod paths;
+mod sequence;
 
 pub use diff::StageDifference;
 pub use engine::{EngineReceivers, EngineTargets};
 
+use super::sequence::noise;
 use super::{BRUTE_SKY_RAYS, Frame, Progress, Renderer, Stage, check_size, nothing_shines};
 use crate::composite::gpu::{Arriving, GatheredLight};
 use crate::direct::gpu::{SkyRays, record_lights, record_sky};
 use crate::emitter::gpu::{pack, record_background};
 use crate::error::Error;
 use crate::filter::gpu::GpuNoisy;
+use crate::filter::temporal::gpu::GpuHistory;
 use crate::gather::brute::gpu::GpuBrute;
-use crate::gpu::{Gpu, Recorder, StageTime};
+use crate::gpu::{Buf, Gpu, Recorder, StageTime};
 use crate::math::{Sequence, hash_u32};
 use crate::settings::{Method, Settings};
 use crate::surface::ViewFrame;
 use crate::surface::gpu::ReceiverTextures;
 use crate::world::gpu::GpuWorld;
-use buffers::{Buffers, Work};
+use buffers::{Buffers, GatherRef, Work};
 use glam::Vec2;
 use manylight_scene::Camera;
+use sequence::GpuPast;
 
 /// Times that a frame is rendered again with larger buffers before it gives up.
 const MOST_TRIES: u32 = 16;
@@ -43,6 +47,8 @@ pub struct GpuRenderer {
     buffers: Option<Buffers>,
     /// Frames inside an engine's own.
     in_flight: engine::InFlight,
+    /// Of a sequence whose frames add up.
+    past: Option<GpuPast>,
     /// Whether the lights are others than those of the last picture.
     is_relit: bool,
 }
@@ -54,14 +60,26 @@ struct Job<'a> {
     settings: &'a Settings,
     /// Position among the samples of a pixel.
     sample: u32,
+    /// Mixed into the seeds of what differs from frame to frame.
+    noise: u32,
     /// Whether virtual lights and grids of the frame before are kept.
     keeps_lights: bool,
     /// Receivers that are not traced.
     given: Option<ReceiverTextures<'a>>,
 }
 
-impl Job<'_> {
-    /// Seed of everything in this sample.
+impl<'a> Job<'a> {
+    /// The first sample of a single picture.
+    fn new(view: &'a ViewFrame, settings: &'a Settings) -> Self {
+        Self { view, settings, sample: 0, noise: 0, keeps_lights: false, given: None }
+    }
+
+    /// Seed of the rays that ask for shadows.
+    fn draws(&self) -> u32 {
+        self.seed() ^ self.noise
+    }
+
+    /// Seed of everything else in this sample.
     fn seed(&self) -> u32 {
         hash_u32(self.settings.seed ^ hash_u32(self.sample))
     }
@@ -85,7 +103,8 @@ impl GpuRenderer {
         match gpu.guard(|| GpuWorld::new(&gpu, &renderer.world, &sources)) {
             Ok(scene) => {
                 let in_flight = engine::InFlight::default();
-                Ok(Self { gpu, renderer, scene, buffers: None, in_flight, is_relit: false })
+                let (buffers, past, is_relit) = (None, None, false);
+                Ok(Self { gpu, renderer, scene, buffers, in_flight, past, is_relit })
             }
             Err(reason) => Err((renderer, reason)),
         }
@@ -132,8 +151,8 @@ impl GpuRenderer {
         let samples = settings.film.samples;
         for sample in 0..samples {
             progress("frame", f64::from(sample) / f64::from(samples));
-            let job = Job { view: &view, settings, sample, keeps_lights: false, given: None };
-            add_times(&mut times, self.render_sample(job, progress)?);
+            let job = Job { sample, ..Job::new(&view, settings) };
+            add_times(&mut times, self.render_sample(job, None, progress)?);
         }
         self.finish(settings, times)
     }
@@ -141,7 +160,7 @@ impl GpuRenderer {
     /// Renders one picture without bringing it back, and tells what its stages took.
     ///
     /// `keeps_lights`: takes virtual lights and grids as the frame before left them, if that had
-    /// the same size and settings.
+    /// the same size and settings. With `filter.temporal` frames follow one another.
     /// Errors: as [`GpuRenderer::render`]
     pub fn time_frame(
         &mut self,
@@ -155,14 +174,24 @@ impl GpuRenderer {
         let view = ViewFrame::new(camera, size[0], size[1]);
         let fits = self.buffers.as_ref().is_some_and(|b| b.fits(size, settings));
         let keeps_lights = keeps_lights && fits;
-        let job = Job { view: &view, settings, sample: 0, keeps_lights, given: None };
-        self.render_sample(job, &|_, _| ())
+        let kept = self.past.take();
+        let mut past = self.gpu.guard(|| GpuPast::go_on(kept, self, &view, settings))?;
+        let mut job = Job { keeps_lights, ..Job::new(&view, settings) };
+        if let Some(past) = &mut past {
+            job.noise = noise(past.timed);
+            past.timed += 1;
+        }
+        let history = past.as_mut().map(|past| &mut past.history);
+        let times = self.render_sample(job, history, &|_, _| ());
+        self.past = past.filter(|_| times.is_ok());
+        times
     }
 
     /// One sample per pixel, again and again until every buffer was large enough.
     fn render_sample(
         &mut self,
         mut job: Job<'_>,
+        mut history: Option<&mut GpuHistory>,
         progress: Progress<'_>,
     ) -> Result<Vec<StageTime>, Error> {
         let size = [job.view.width, job.view.height];
@@ -175,7 +204,7 @@ impl GpuRenderer {
             // After a build that lacked room nothing is kept.
             let times = self.gpu.guard(|| match job.settings.method {
                 Method::Brute => self.run_brute(&buffers, job, progress),
-                _ => self.run_grid(&buffers, job),
+                _ => self.run_grid(&buffers, job, history.as_deref_mut()),
             })?;
             let needs = buffers.read_needs(&self.gpu)?;
             let lacked;
@@ -186,21 +215,35 @@ impl GpuRenderer {
                 return Ok(times);
             }
             job.keeps_lights = false;
+            if let Some(history) = history.as_deref_mut() {
+                history.undo();
+            }
         }
         Err(endless())
     }
 
     /// Records and runs the frame of the grid method and of direct light alone.
-    fn run_grid(&self, buffers: &Buffers, job: Job<'_>) -> Result<Vec<StageTime>, Error> {
+    fn run_grid(
+        &self,
+        buffers: &Buffers,
+        job: Job<'_>,
+        history: Option<&mut GpuHistory>,
+    ) -> Result<Vec<StageTime>, Error> {
         let mut rec = self.gpu.record(Some(self.scene.group()));
-        self.record_frame(&mut rec, buffers, job);
+        self.record_frame(&mut rec, buffers, job, history);
         rec.submit().wait()
     }
 
     /// The list of stages.
-    fn record_frame(&self, rec: &mut Recorder<'_>, buffers: &Buffers, job: Job<'_>) {
+    fn record_frame(
+        &self,
+        rec: &mut Recorder<'_>,
+        buffers: &Buffers,
+        job: Job<'_>,
+        history: Option<&mut GpuHistory>,
+    ) {
         let Job { settings, .. } = job;
-        let (seed, d_min) = (job.seed(), self.renderer.d_min(settings));
+        let (seed, draws, d_min) = (job.seed(), job.draws(), self.renderer.d_min(settings));
         let Buffers { receivers, layers, .. } = buffers;
         self.record_receivers(rec, buffers, job);
         if let Some(sky) = &buffers.sky {
@@ -208,7 +251,7 @@ impl GpuRenderer {
             let rays = sky_rays(settings);
             // Unless its ratio is smoothed, what arrives is known in every channel.
             let exact = !settings.filter.enabled;
-            let sky_rays = SkyRays { rays, seed: seed ^ 5, exact };
+            let sky_rays = SkyRays { rays, seed: draws ^ 5, exact };
             record_sky(rec, receivers, sky_rays, &sky.unshadowed, &sky.ratio);
         }
         let normal_maps = settings.surface.normal_maps;
@@ -218,7 +261,7 @@ impl GpuRenderer {
                 lights.trace(rec, normal_maps, seed ^ 1);
                 lights.build(rec, settings, d_min);
             }
-            lights.gather(rec, buffers, settings, d_min, seed ^ 2);
+            lights.gather(rec, buffers, settings, d_min, draws ^ 2);
         }
         if let Some(lights) = &buffers.work.bounced {
             if !job.keeps_lights {
@@ -226,21 +269,11 @@ impl GpuRenderer {
                 lights.trace(rec, normal_maps, seed ^ 3);
                 lights.build(rec, settings, d_min);
             }
-            lights.gather(rec, buffers, settings, d_min, seed ^ 4);
+            lights.gather(rec, buffers, settings, d_min, draws ^ 4);
         }
         self.record_guides(rec, buffers, job);
         let gathers = buffers.gathers(settings);
-        let noisy: Vec<_> = gathers.iter().filter(|g| g.rays > 0).collect();
-        let signals: Vec<_> = noisy
-            .iter()
-            .map(|g| GpuNoisy { shares: g.ratio, frames: None, rays: g.rays })
-            .collect();
-        let smooth = if settings.filter.enabled && !signals.is_empty() {
-            rec.stage("filter");
-            buffers.work.filter.record(rec, &buffers.work.guides, &signals, &settings.filter)
-        } else {
-            &[]
-        };
+        let smooth = self.record_filter(rec, buffers, &gathers, job, history);
         layers.begin(
             rec,
             receivers,
@@ -256,6 +289,30 @@ impl GpuRenderer {
             layers.add(rec, receivers, &GatheredLight { unshadowed, arriving, is_direct });
         }
         layers.finish(rec, receivers);
+    }
+
+    /// Adds the ratios of few rays to those of the past, if any, and smooths them.
+    fn record_filter<'b>(
+        &self,
+        rec: &mut Recorder<'_>,
+        buffers: &'b Buffers,
+        gathers: &[GatherRef<'_>],
+        job: Job<'_>,
+        history: Option<&mut GpuHistory>,
+    ) -> &'b [Buf<[f32; 2]>] {
+        let (settings, view) = (&job.settings.filter, (job.view, job.offset_px()));
+        let noisy = gathers.iter().filter(|gather| gather.rays > 0);
+        let mut signals: Vec<_> =
+            noisy.map(|g| GpuNoisy { shares: g.ratio, frames: None, rays: g.rays }).collect();
+        if !settings.enabled || signals.is_empty() {
+            return &[];
+        }
+        rec.stage("filter");
+        if let Some(history) = history {
+            let seen = (&buffers.receivers, &buffers.work.guides);
+            signals = history.record(rec, seen, view, &signals, settings);
+        }
+        buffers.work.filter.record(rec, &buffers.work.guides, &signals, settings)
     }
 
     /// What tells receivers apart, for all filters; and the first filter, where pixels see parts

@@ -1,8 +1,10 @@
 use super::*;
 use crate::composite::Layers;
 use crate::emitter::gpu::testing::sky_map;
+use crate::frame::Past;
 use crate::gpu::GpuOptions;
 use crate::gpu::testing::device;
+use glam::Quat;
 use manylight_image::Raster;
 use manylight_scene::Shot;
 use std::path::{Path, PathBuf};
@@ -304,5 +306,61 @@ fn a_million_lights_fit_into_six_hundred_mebibytes() {
         println!("{:>6.1} MiB in all", all as f64 / f64::from(1 << 20));
         assert!(all <= 600 << 20, "{all} bytes");
         drop(buffers);
+    });
+}
+
+/// The camera of a frame of a sequence: still, moving, after a cut.
+fn camera_of(both: &Both, n: u32) -> Camera {
+    let mut camera = both.camera.clone();
+    let (turn, step) = [(0.0, 0.0), (0.0, 0.0), (0.03, 0.01), (0.03, 0.1), (0.03, 0.1)][n as usize];
+    camera.forward = Quat::from_axis_angle(camera.up, turn) * camera.forward;
+    camera.position += camera.forward * (step * both.engine.renderer().world.diagonal());
+    camera
+}
+
+#[test]
+fn sequences_look_as_on_the_processor() {
+    const SIZE: [usize; 2] = [40, 30];
+    let mut settings = few("balanced");
+    settings.filter.temporal = true;
+    settings.shadow.rays = 2;
+    let check = |both: &mut Both, name: &str| {
+        let mut past = Past::default();
+        let mut found = Vec::new();
+        for n in 0..5 {
+            let camera = camera_of(both, n);
+            let next = both.engine.render_next(&camera, SIZE, &settings, n, &|_, _| ());
+            let layers = next.expect("a frame").layers;
+            let renderer = both.engine.renderer();
+            let next = renderer.render_next(&camera, SIZE, &settings, n, &mut past, &|_, _| ());
+            let expected = raster(&next.expect("a frame").layers);
+            let errors = manylight_image::compare(&raster(&layers), &expected).expect("one size");
+            println!("{name}, frame {n}: FLIP {:.6}", errors.flip_mean);
+            assert!(expected.data.iter().any(|v| *v > 0.0), "{name}, frame {n} is black");
+            assert_eq!(errors.nonfinite_count, 0, "{name}, frame {n}");
+            assert!(errors.flip_mean <= MOST_FLIP, "{name}, frame {n}: {errors:?}");
+            found.push(bits(&layers));
+            // A single picture in between leaves the past alone.
+            both.on_device([20, 11], &settings);
+        }
+        let frames = |both: &mut Both, range: std::ops::Range<u32>| {
+            both.engine.forget_past();
+            let next = |n| {
+                let camera = camera_of(both, n);
+                let frame = both.engine.render_next(&camera, SIZE, &settings, n, &|_, _| ());
+                bits(&frame.expect("a frame").layers)
+            };
+            range.map(next).collect::<Vec<_>>()
+        };
+        // The same bits after the same frames, which are few after a cut, and others after others.
+        assert!(frames(both, 3..5) == found[3..], "{name}: after a cut");
+        assert!(frames(both, 4..5) != found[4..], "{name}: without the one before it");
+        assert!(frames(both, 0..1) == found[..1], "{name}: again");
+    };
+    with_gpu(|mut gpu| {
+        for name in ["cornell", "atrium"] {
+            gpu = with_scene(gpu, builtin(name), |both| check(both, name));
+        }
+        gpu
     });
 }

@@ -91,8 +91,7 @@ impl GpuRenderer {
         let mut settings = settings.clone();
         settings.film.samples = 1;
         let view = ViewFrame::new(camera, size[0], size[1]);
-        let job =
-            Job { view: &view, settings: &settings, sample: 0, keeps_lights: false, given: None };
+        let job = Job::new(&view, &settings);
         self.gpu().guard(|| {
             let mut diff = Diff::new(self, job)?;
             diff.run()?;
@@ -390,7 +389,8 @@ impl<'a> Diff<'a> {
         })?;
         let found = smooth.iter().map(|list| self.read(list)).collect::<Result<Vec<_>, _>>()?;
         let mut clock = Clock::new(&|_, _| ());
-        engine.renderer().filter_ratios(gathers, &self.receivers, view, settings, &mut clock);
+        let seen = (&self.receivers, view);
+        engine.renderer().filter_ratios(gathers, seen, settings, None, &mut clock);
         let expected = noisy.iter().flat_map(|&i| &gathers[i].0.shadow_ratio);
         let pairs = expected.zip(found.iter().flatten()).map(|(a, b)| (*a, b[0]));
         self.rows.push(numbers(["filter", "smooth ratio"], pairs, (1e-4, ""), 0.0));

@@ -4,11 +4,12 @@
 //! Nothing is submitted, waited for or read back on the way. What a frame would have needed comes
 //! back by itself; where a buffer was too small it grows, and the frames after it lack nothing.
 
-use super::{Buffers, GpuRenderer, Job, Renderer, check_size, nothing_shines};
+use super::{Buffers, GpuPast, GpuRenderer, Job, Renderer, check_size, noise, nothing_shines};
 use crate::composite::store::record_store;
 use crate::emitter::Emitters;
 use crate::emitter::gpu::pack;
 use crate::error::Error;
+use crate::frame::sequence::is_added_up;
 use crate::gpu::{Arrival, Gpu, Later, Recorder, STORE_FORMAT};
 use crate::settings::{FilmSettings, Method, Settings};
 use crate::surface::ViewFrame;
@@ -60,8 +61,12 @@ impl GpuRenderer {
     /// Records a frame between the commands of an engine, one sample a pixel.
     ///
     /// `frame_seed` stands in the place of [`Settings::seed`]: one for each frame gives each its
-    /// own noise. Any number of frames may be recorded before one is submitted, and be under way at
-    /// a time; each finds camera, settings and lights as they were when it was recorded. They share
+    /// own noise. With `filter.temporal` it makes the noise of the shadow rays alone, light paths
+    /// stay where they are, and frames add up; anew after frames that lacked room or were never
+    /// submitted, after cuts and [`GpuRenderer::forget_past`].
+    ///
+    /// Any number of frames may be recorded before one is submitted, and be under way at a time;
+    /// each finds camera, settings and lights as they were when it was recorded. They share
     /// everything that they work on, so they have to be submitted in one order to one queue, which
     /// is that of [`Gpu::queue`].
     ///
@@ -88,22 +93,28 @@ impl GpuRenderer {
         given.as_ref().map_or(Ok(()), |textures| textures.check(size))?;
         self.look_at_frames()?;
         let film = FilmSettings { samples: 1, ..settings.film.clone() };
-        let settings = Settings { seed: frame_seed, film, ..settings.clone() };
+        let (seed, noise) = match is_added_up(settings) {
+            true => (settings.seed, noise(frame_seed)),
+            false => (frame_seed, 0),
+        };
+        let settings = Settings { seed, film, ..settings.clone() };
         let view = ViewFrame::new(camera, size[0], size[1]);
-        let job = Job { view: &view, settings: &settings, sample: 0, keeps_lights: false, given };
-        let kept = self.buffers.take();
-        let (buffers, needs) = self.gpu.guard(|| {
+        let job = Job { noise, given, ..Job::new(&view, &settings) };
+        let (kept, kept_past) = (self.buffers.take(), self.past.take());
+        let (buffers, past, needs) = self.gpu.guard(|| {
             let buffers = Buffers::take(kept, self, size, &settings)?;
+            let mut past = GpuPast::go_on(kept_past, self, &view, &settings)?;
+            let history = past.as_mut().map(|past| &mut past.history);
             let needs = self.gpu.record_into(encoder, Some(self.scene.group()), |rec| {
-                self.record_frame(rec, &buffers, job);
+                self.record_frame(rec, &buffers, job, history);
                 targets.store(rec, &buffers);
                 buffers.record_needs(rec)
             });
-            Ok((buffers, needs))
+            Ok((buffers, past, needs))
         })?;
         let generation = buffers.generation().clone();
         self.in_flight.frames.push(Recorded { needs, generation, settings });
-        self.buffers = Some(buffers);
+        (self.buffers, self.past) = (Some(buffers), past);
         Ok(())
     }
 
@@ -122,15 +133,23 @@ impl GpuRenderer {
     }
 
     fn look_at_frames(&mut self) -> Result<(), Error> {
-        let Self { gpu, buffers, in_flight, .. } = self;
+        let Self { gpu, buffers, in_flight, past, .. } = self;
         gpu.poll()?;
         let mut open = Vec::new();
+        let mut is_broken = false;
         for frame in take(&mut in_flight.frames) {
             match frame.needs.look(gpu)? {
                 Arrival::Pending => open.push(frame),
-                Arrival::Here(bytes) => in_flight.lacked |= frame.grow(gpu, buffers, &bytes)?,
-                Arrival::Never => {}
+                Arrival::Here(bytes) => {
+                    let lacked = frame.grow(gpu, buffers, &bytes)?;
+                    in_flight.lacked |= lacked;
+                    is_broken |= lacked;
+                }
+                Arrival::Never => is_broken = true,
             }
+        }
+        if let Some(past) = past.as_mut().filter(|_| is_broken) {
+            past.history.clear();
         }
         in_flight.frames = open;
         Ok(())
@@ -149,7 +168,7 @@ impl GpuRenderer {
         mut sky: Option<Sky>,
     ) -> Result<(), Error> {
         let Self { gpu, renderer, scene, is_relit, .. } = self;
-        let Renderer { world, emitters } = &mut **renderer;
+        let Renderer { world, emitters, .. } = &mut **renderer;
         swap(&mut world.scene.lights, &mut lights);
         swap(&mut world.scene.sky, &mut sky);
         let relit = Emitters::with_surface(world, emitters.surface.clone());

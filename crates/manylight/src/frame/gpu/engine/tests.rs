@@ -290,6 +290,69 @@ fn a_frame_that_lacks_room_makes_room_for_the_next() {
     assert_same(&read(rented.renderer().gpu(), &view), &expected, "with room");
 }
 
+/// Settings of frames that add up, and frames of a still camera.
+fn added_up(rented: &mut Rented, count: u32) -> (Settings, Vec<Vec<Vec3>>) {
+    let mut settings = settings();
+    settings.filter.temporal = true;
+    let camera = rented.camera.clone();
+    let renderer = rented.renderer();
+    renderer.forget_past();
+    let frame = |n| {
+        let frame = renderer.render_next(&camera, SIZE, &settings, n, &|_, _| ());
+        frame.expect("frame").layers.beauty()
+    };
+    let frames = (0..count).map(frame).collect();
+    renderer.forget_past();
+    (settings, frames)
+}
+
+#[test]
+fn recorded_frames_add_up_as_rendered_ones_do() {
+    let Some(mut rented) = Rented::new(|_| ()) else { return };
+    let (settings, expected) = added_up(&mut rented, 4);
+    let (camera, traced) = (rented.camera.clone(), EngineReceivers::Traced);
+    let views: Vec<_> = (0..4).map(|_| rented.target()).collect();
+    let record = |rented: &mut Rented, n: usize, encoder: &mut wgpu::CommandEncoder| {
+        let (seed, target) = (n as u32, composite(&views[n]));
+        let renderer = rented.renderer();
+        renderer.record_into(encoder, &camera, &settings, seed, traced, &target).expect("frame");
+    };
+    // Two in one submission, and one alone.
+    let mut encoder = rented.encoder();
+    (0..2).for_each(|n| record(&mut rented, n, &mut encoder));
+    assert!(!rented.submit(encoder));
+    let mut encoder = rented.encoder();
+    record(&mut rented, 2, &mut encoder);
+    assert!(!rented.submit(encoder));
+    for (n, expected) in expected.iter().take(3).enumerate() {
+        assert_same(&read(rented.renderer().gpu(), &views[n]), expected, &format!("frame {n}"));
+    }
+    // One that is dropped ends the past.
+    let mut encoder = rented.encoder();
+    record(&mut rented, 1, &mut encoder);
+    drop(encoder);
+    rented.renderer().after_submit().expect("looked");
+    let mut encoder = rented.encoder();
+    record(&mut rented, 0, &mut encoder);
+    rented.submit(encoder);
+    assert_same(&read(rented.renderer().gpu(), &views[0]), &expected[0], "anew");
+}
+
+#[test]
+fn a_frame_that_is_rendered_again_is_added_once() {
+    let Some(mut rented) = Rented::new(|_| ()) else { return };
+    let (settings, expected) = added_up(&mut rented, 3);
+    let camera = rented.camera.clone();
+    for (n, expected) in expected.iter().enumerate() {
+        let tiny = GatherCapacity { block_chunks: 1, frontier: 8, ..GatherCapacity::default() };
+        let gpu = rented.renderer().gpu();
+        let gather = Gather::new(gpu, SIZE[0], SIZE[1], &settings, tiny).expect("gather");
+        rented.renderer().buffers.as_mut().expect("buffers").work.gather = gather;
+        let frame = rented.renderer().render_next(&camera, SIZE, &settings, n as u32, &|_, _| ());
+        assert!(frame.expect("frame").layers.beauty() == *expected, "frame {n}");
+    }
+}
+
 #[test]
 fn frames_that_are_never_submitted_are_forgotten() {
     let Some(mut rented) = Rented::new(only_a_lamp) else { return };

@@ -1,0 +1,109 @@
+//! The frames of a sequence: which, into which files, and which have to be rendered before them.
+
+use crate::Failure;
+use std::ops::RangeInclusive;
+use std::path::{Path, PathBuf};
+
+/// Most frames of one run.
+const MAX_FRAMES: u32 = 1_000_000;
+/// Digits of a number where the name of a file does not say how many.
+const DIGITS: usize = 4;
+
+/// The frames of `--frames`.
+pub fn parse(text: &str) -> Result<RangeInclusive<u32>, Failure> {
+    let ends = text.split_once("..").and_then(|(first, last)| {
+        Some((first.trim().parse::<u32>().ok()?, last.trim().parse::<u32>().ok()?))
+    });
+    match ends.filter(|(first, last)| first <= last && last - first < MAX_FRAMES) {
+        Some((first, last)) => Ok(first..=last),
+        None => Err(format!(
+            "--frames {text}: write FIRST..LAST, both rendered, at most {MAX_FRAMES} frames, for \
+             example 0..47"
+        )
+        .into()),
+    }
+}
+
+/// The file of a frame: its number stands for the last `####` of the name, else before its ending.
+pub fn file_of(path: &Path, frame: u32) -> PathBuf {
+    let name = path.file_name().map(|name| name.to_string_lossy().into_owned());
+    let name = name.unwrap_or_default();
+    let Some(end) = name.rfind('#') else {
+        let (stem, ending) = name.rsplit_once('.').unwrap_or((&name, ""));
+        return path.with_file_name(format!("{stem}.{frame:0DIGITS$}.{ending}"));
+    };
+    let start = name[..end]
+        .rfind(|c| c != '#')
+        .map_or(0, |at| at + name[at..].chars().next().map_or(1, char::len_utf8));
+    let digits = end + 1 - start;
+    path.with_file_name(format!("{}{frame:0digits$}{}", &name[..start], &name[end + 1..]))
+}
+
+/// Something to be done for a sequence.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Step {
+    /// What is remembered does not lead to what follows.
+    Forget,
+    /// A frame that is remembered, and not written.
+    WarmUp(u32),
+    /// A frame that is written.
+    Write(u32),
+}
+
+/// What is to be done for frames that are not finished; where they add up, up to `warm_up` frames
+/// come before each that does not follow another one.
+pub fn plan(unfinished: impl Iterator<Item = u32>, warm_up: Option<u32>) -> Vec<Step> {
+    let mut steps = Vec::new();
+    let mut next = None;
+    for frame in unfinished {
+        if let Some(warm_up) = warm_up.filter(|_| next != Some(frame)) {
+            steps.push(Step::Forget);
+            steps.extend((frame.saturating_sub(warm_up)..frame).map(Step::WarmUp));
+        }
+        steps.push(Step::Write(frame));
+        next = frame.checked_add(1);
+    }
+    steps
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranges_have_two_ends() {
+        assert_eq!(parse("3..5").expect("a range"), 3..=5);
+        assert_eq!(parse(" 7 .. 7 ").expect("a range"), 7..=7);
+        for text in ["", "3", "5..3", "-1..2", "0..4294967295", "a..b", "1...3", "1..=3"] {
+            let problem = parse(text).expect_err(text).to_string();
+            assert!(problem.contains("write FIRST..LAST"), "{problem}");
+        }
+    }
+
+    #[test]
+    fn numbers_go_where_the_name_says() {
+        for (path, expected) in [
+            ("out/a.exr", "out/a.0007.exr"),
+            ("a.b.png", "a.b.0007.png"),
+            ("o##/a_###.png", "o##/a_007.png"),
+            ("####.png", "0007.png"),
+            ("a#b#.png", "a#b7.png"),
+            ("é##.png", "é07.png"),
+        ] {
+            assert_eq!(file_of(Path::new(path), 7), Path::new(expected), "{path}");
+        }
+        assert_eq!(file_of(Path::new("a.#.png"), 123), Path::new("a.123.png"));
+    }
+
+    #[test]
+    fn frames_that_add_up_are_warmed_up_after_each_gap() {
+        use Step::{Forget, WarmUp, Write};
+        assert_eq!(plan([3, 4, 6].into_iter(), None), [Write(3), Write(4), Write(6)]);
+        let steps = plan([1, 2, 5].into_iter(), Some(2));
+        let expected =
+            [Forget, WarmUp(0), Write(1), Write(2), Forget, WarmUp(3), WarmUp(4), Write(5)];
+        assert_eq!(steps, expected);
+        assert_eq!(plan([0].into_iter(), Some(9)), [Forget, Write(0)]);
+        assert_eq!(plan([8].into_iter(), Some(0)), [Forget, Write(8)]);
+    }
+}
