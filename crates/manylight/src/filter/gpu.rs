@@ -4,7 +4,7 @@
 
 use super::{LEAST_TRUST, LEAST_VARIANCE, PLANE_SLACK, ROUNDING, sweep};
 use crate::error::Error;
-use crate::gpu::{Buf, Constant, GROUP, Gpu, KernelInfo, MAX_GROUPS, Recorder, Value};
+use crate::gpu::{Buf, Constant, Feature, GROUP, Gpu, KernelInfo, MAX_GROUPS, Recorder, Value};
 use crate::gpu::{kernel, record};
 use crate::settings::FilterSettings;
 use crate::surface::ViewFrame;
@@ -132,7 +132,7 @@ pub struct Guides {
     pub(super) size: [u32; 2],
     /// Position from the eye, 1 / plane slack.
     pub(super) positions: Buf<[f32; 4]>,
-    /// Unit geometric normal, luminance of the albedo.
+    /// Unit geometric normal, luminance of the albedo; see [`kept`].
     pub(super) normals: Buf<[f32; 4]>,
 }
 
@@ -144,7 +144,7 @@ impl Guides {
         Ok(Self {
             size: [width as u32, height as u32],
             positions: gpu.buffer("guide positions", width * height)?,
-            normals: gpu.buffer("guide normals", width * height)?,
+            normals: kept(gpu, "guide normals", width * height)?,
         })
     }
 
@@ -192,7 +192,14 @@ pub struct GpuNoisy<'a> {
     pub rays: u32,
 }
 
-/// Memory of the filter for pictures of one size.
+/// A list of four numbers a pixel, in half the bytes where the device has numbers of 16 bits: there
+/// `kept_half.wgsl` says what is in it.
+fn kept(gpu: &Gpu, name: &'static str, pixels: usize) -> Result<Buf<[f32; 4]>, Error> {
+    let is_half = gpu.features().has(Feature::Half);
+    gpu.buffer(name, if is_half { pixels.div_ceil(2) } else { pixels })
+}
+
+/// Memory of the filter for pictures of one size; for the lists of four numbers see [`kept`].
 #[derive(Debug)]
 pub struct Filter {
     guess: Buf<[f32; 4]>,
@@ -211,10 +218,10 @@ impl Filter {
     /// Errors: more pixels than the device can hold in one list
     pub fn new(gpu: &Gpu, width: usize, height: usize, signals: usize) -> Result<Self, Error> {
         let pixels = width * height;
-        let pair = || gpu.buffer("pairs of shares", pixels);
+        let pair = || kept(gpu, "pairs of shares", pixels);
         let filtered = (0..signals).map(|_| gpu.buffer("filtered shares", pixels));
         Ok(Self {
-            guess: gpu.buffer("guessed shares", pixels)?,
+            guess: kept(gpu, "guessed shares", pixels)?,
             pairs: [pair()?, pair()?],
             one_frame: gpu.upload("one frame", &[1.0])?,
             nothing: gpu.buffer("no shares", 1)?,
