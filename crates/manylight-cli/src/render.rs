@@ -101,6 +101,7 @@ pub fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     }
     let mut metadata = metadata(&settings, &camera, args, engine.names(), render_ms);
     metadata.push(("manylight.sceneHash".to_owned(), format!("{scene_hash:016x}")));
+    metadata.push(("manylight.deviceFeatures".to_owned(), engine.features().join(" ")));
     if let Some(alpha) = frame.alpha {
         metadata.push(("manylight.alpha".to_owned(), alpha.to_string()));
     }

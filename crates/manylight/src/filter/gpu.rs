@@ -312,7 +312,7 @@ mod tests {
     use super::*;
     use crate::filter::{Noisy, atrous};
     use crate::frame::Renderer;
-    use crate::gpu::testing::{check_kernel, device};
+    use crate::gpu::testing::{check_kernel, device, device_with};
     use crate::math::{hash_u32, unit_f32};
     use crate::surface::Receivers;
     use glam::{Vec2, Vec3};
@@ -426,6 +426,65 @@ mod tests {
         let settings = FilterSettings::default();
         let once = run(gpu, &on_device, &view, &signals, &settings);
         assert_eq!(once, run(gpu, &on_device, &view, &signals, &settings));
+    }
+
+    /// Largest rounding of a number of 16 bits, in parts of it.
+    const HALF_ROUNDING: f32 = 1.0 / 2048.0;
+
+    #[test]
+    fn halves_filter_as_whole_numbers_do() {
+        let Some(base) = device() else { return };
+        let Some(gpu) = device_with(Feature::Half) else { return };
+        for (name, size, passes) in
+            [("cornell", [61, 45], 5), ("atrium", [64, 40], 8), ("cornell", [24, 31], 1)]
+        {
+            let settings = FilterSettings { passes, ..FilterSettings::default() };
+            let found = [base, &gpu].map(|gpu| {
+                let (on_device, receivers, view) = scene(gpu, name, size);
+                let signals = [4, 2, 1].map(|rays| signal(&receivers, rays, rays));
+                let once = run(gpu, &on_device, &view, &signals, &settings);
+                assert!(once == run(gpu, &on_device, &view, &signals, &settings), "{name}");
+                once.concat()
+            });
+            let off = |kept: fn(&[f32; 2]) -> f32| {
+                let pairs = found[0].iter().zip(&found[1]);
+                pairs.map(|(a, b)| (kept(a) - kept(b)).abs()).fold(0.0, f32::max)
+            };
+            let worst = [off(|pair| pair[0]), off(|pair| pair[1].sqrt())];
+            println!("{name}, {passes} passes: {worst:?} of share and deviation");
+            // Shares are at most 1, and the guess and every pass round one once. Weights are off by
+            // eight roundings, as products of four cosines of two normals; that shifts what lies
+            // between two shares by a quarter of it at most.
+            let most = (passes + 1) as f32 * (1.0 + 8.0 / 4.0) * HALF_ROUNDING;
+            assert!(worst.iter().all(|off| *off <= most), "{name}: {worst:?} above {most}");
+            assert!(worst[0] > 0.0, "{name}: nothing is kept in halves");
+        }
+    }
+
+    #[test]
+    fn extremes_stay_finite_in_halves() {
+        let Some(gpu) = device_with(Feature::Half) else { return };
+        let (on_device, receivers, view) = scene(&gpu, "cornell", [24, 16]);
+        let settings = FilterSettings { passes: 8, ..FilterSettings::default() };
+        let count = receivers.samples.len();
+        for (ratio, trust, frames, rays) in [
+            (0.0, 0.0, 1.0, 1),
+            (1.0, 1.0, 1.0, 1),
+            (1e-38, 1e-30, 1e6, 1 << 20),
+            (1.0 - 1e-7, 1e6, 1e6, 1 << 20),
+        ] {
+            let same = [Signal {
+                ratio: vec![ratio; count],
+                trust: vec![trust; count],
+                frames: vec![frames; count],
+                rays,
+            }];
+            let found = run(&gpu, &on_device, &view, &same, &settings);
+            for pair in found.concat() {
+                assert!(pair.iter().all(|v| v.is_finite() && *v >= 0.0), "{ratio}: {pair:?}");
+                assert!((pair[0] - ratio).abs() <= 9.0 * HALF_ROUNDING, "{ratio}: {pair:?}");
+            }
+        }
     }
 
     #[test]
