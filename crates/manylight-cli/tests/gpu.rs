@@ -99,7 +99,7 @@ fn a_benchmark_tells_which_features_it_used() {
     let device = devices.iter().find(|device| device["lacks"].is_null()).expect("a device");
     let name = format!("gpu.device={}", device["name"].as_str().expect("a name"));
     let used = |sets: &[&str]| {
-        let quick = ["--size", "16x9", "--frames", "1", "--set", "method=direct", "--set", &name];
+        let quick = ["--size", "16x9", "--frames", "1", "--set", "vpls.count=200", "--set", &name];
         let args = ["bench", "builtin:cornell", "--backend", "gpu", "--json"];
         let output = manylight(&[&args[..], &quick, sets].concat());
         assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
