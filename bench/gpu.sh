@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Everything that a machine with a graphics device should measure, in one go: parity with the
-# processor, stage times, growth with the number of lights, ray rates, pictures.
+# processor, stage times, growth with the number of lights, what optional features of the device
+# bring, ray rates, pictures.
 #
 # bench/gpu.sh PROGRAM SCENES OUT [DEVICE]
 #   PROGRAM  a release build of manylight
@@ -55,6 +56,16 @@ done
 for count in 1000 10000 100000 1000000 4000000 16000000; do
   frames=20 frames "growth-$count" sponza-atrium --size 1280x720 --set grid.alpha=1 \
     --set "vpls.count=$count"
+done
+
+# What a device offers beyond what every one has, without one at a time; `row1-720p` has all but
+# textures bound one by one. In turns, since a device that gets warm gets slow.
+for turn in 1 2; do
+  for set in all subgroups=false half=false ray_queries=false bindless=true base=true; do
+    [ "$set" = all ] && choice=() || choice=(--set "gpu.$set")
+    frames=30 frames "features-${set/=/-}-$turn" sponza-atrium --size 1280x720 "${million[@]}" \
+      ${choice[@]+"${choice[@]}"}
+  done
 done
 
 # Shadow rays.

@@ -153,6 +153,14 @@ impl Engine {
         }
     }
 
+    /// What is used of a graphics device beyond what every one has.
+    pub fn features(&self) -> Vec<&'static str> {
+        match self {
+            Self::Cpu(_) => Vec::new(),
+            Self::Gpu(engine, _) => engine.gpu().features().names(),
+        }
+    }
+
     /// Backend and device, for the metadata of a picture.
     pub fn names(&self) -> [String; 2] {
         match self {

@@ -139,8 +139,8 @@ fn rays(
         times.push(device_ms.map_or(start.elapsed().as_secs_f64(), |ms| ms * 1e-3));
     }
     let rate = batch.len() as f64 / median(&mut times) * 1e-6;
-    Ok(json!({ "device": engine.names()[1], "rays": batch.len(), "occluded": occluded,
-               "mrays_per_s": rate }))
+    Ok(json!({ "device": engine.names()[1], "features": engine.features(), "rays": batch.len(),
+               "occluded": occluded, "mrays_per_s": rate }))
 }
 
 fn build(renderer: &Renderer, settings: &Settings) -> Value {
@@ -185,6 +185,7 @@ fn frames(
     }
     let mut report = serde_json::Map::new();
     report.insert("device".to_owned(), json!(engine.names()[1]));
+    report.insert("features".to_owned(), json!(engine.features()));
     report.insert("frame".to_owned(), spread(&mut totals));
     for (name, mut times) in stages {
         report.insert(name.to_owned(), spread(&mut times));

@@ -2,7 +2,7 @@
 
 use crate::args::{InfoArgs, JsonArg};
 use crate::{Failure, Outcome, render};
-use manylight::gpu::AdapterDescription;
+use manylight::gpu::{AdapterDescription, Feature};
 use manylight::settings::{Method, PRESETS};
 use manylight_scene::{Light, Scene, Sky};
 use serde_json::{Value, json};
@@ -78,25 +78,26 @@ fn describe_adapter(adapter: &AdapterDescription) -> String {
         (None, "software") => "renders where --set gpu.device names it".to_owned(),
         (None, _) => "renders".to_owned(),
     };
+    let features = Feature::ALL.map(|f| has(adapter.features.has(f), &f.name().replace('_', " ")));
     format!(
         "{name}: {kind}, {backend}, {driver}; {use_of_it}; lists of {} MiB, buffers of {} MiB, {} \
-         KiB of workgroup memory, {}, {}, {}",
+         KiB of workgroup memory, {}, {}",
         adapter.max_binding >> 20,
         adapter.max_buffer >> 20,
         adapter.workgroup_memory >> 10,
         has(adapter.timestamps, "timestamps"),
-        has(adapter.subgroups, "subgroups"),
-        has(adapter.ray_queries, "ray queries"),
+        features.join(", "),
     )
 }
 
 fn adapter_json(adapter: &AdapterDescription) -> Value {
+    let features = Feature::ALL.map(|f| (f.name().to_owned(), json!(adapter.features.has(f))));
     json!({
         "name": adapter.name, "kind": adapter.kind, "backend": adapter.backend,
         "driver": adapter.driver, "max_binding": adapter.max_binding,
         "max_buffer": adapter.max_buffer, "workgroup_memory": adapter.workgroup_memory,
-        "timestamps": adapter.timestamps, "subgroups": adapter.subgroups,
-        "ray_queries": adapter.ray_queries, "lacks": adapter.lacks,
+        "timestamps": adapter.timestamps, "features": Value::from_iter(features),
+        "lacks": adapter.lacks,
     })
 }
 

@@ -197,6 +197,7 @@ impl Run<'_> {
         }
         let mut metadata = metadata(settings, camera, args, engine.names(), render_ms);
         metadata.push(("manylight.sceneHash".to_owned(), format!("{:016x}", self.scene_hash)));
+        metadata.push(("manylight.deviceFeatures".to_owned(), engine.features().join(" ")));
         if let Some(alpha) = frame.alpha {
             metadata.push(("manylight.alpha".to_owned(), alpha.to_string()));
         }

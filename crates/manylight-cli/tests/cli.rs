@@ -68,7 +68,8 @@ fn render_and_compare_go_together() {
     for layer in layers.split(' ') {
         assert!(picture.layers.iter().any(|l| l.0 == layer), "{layer} is missing");
     }
-    for key in ["settings", "seed", "sceneHash", "backend", "device", "version", "worldFromCamera"]
+    for key in
+        "settings seed sceneHash backend device deviceFeatures version worldFromCamera".split(' ')
     {
         let key = format!("manylight.{key}");
         assert!(picture.metadata.iter().any(|m| m.0 == key), "{key} is missing");

@@ -59,8 +59,9 @@ fn devices_say_what_they_are() {
         for key in ["max_binding", "max_buffer", "workgroup_memory"] {
             assert!(device[key].as_u64().is_some_and(|n| n > 0), "{key}: {device}");
         }
-        for key in ["timestamps", "subgroups", "ray_queries"] {
-            assert!(device[key].is_boolean(), "{key}: {device}");
+        assert!(device["timestamps"].is_boolean(), "{device}");
+        for key in ["subgroups", "half", "ray_queries", "bindless"] {
+            assert!(device["features"][key].is_boolean(), "{key}: {device}");
         }
         assert!(device["lacks"].is_null() || device["lacks"].is_string(), "{device}");
     }
@@ -87,6 +88,31 @@ fn a_device_that_is_not_there_is_named_with_those_that_are() {
     assert_refused(&args, &[&["\"nonexistent\"", "found:"][..], &names].concat());
     let args = ["diff-stages", "builtin:cornell", "--set", "gpu.device=nonexistent"];
     assert_refused(&args, &names);
+}
+
+#[test]
+fn a_benchmark_tells_which_features_it_used() {
+    if !has_device() {
+        return;
+    }
+    let devices = devices();
+    let device = devices.iter().find(|device| device["lacks"].is_null()).expect("a device");
+    let name = format!("gpu.device={}", device["name"].as_str().expect("a name"));
+    let used = |sets: &[&str]| {
+        let quick = ["--size", "16x9", "--frames", "1", "--set", "vpls.count=200", "--set", &name];
+        let args = ["bench", "builtin:cornell", "--backend", "gpu", "--json"];
+        let output = manylight(&[&args[..], &quick, sets].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        json(&output)[0]["report"]["features"].to_string()
+    };
+    let all = used(&["--set", "gpu.bindless=true"]);
+    for feature in ["subgroups", "half", "ray_queries", "bindless"] {
+        let is_offered = device["features"][feature] == true;
+        assert_eq!(all.contains(&format!("\"{feature}\"")), is_offered, "{feature}: {all}");
+    }
+    let without = used(&["--set", "gpu.subgroups=false", "--set", "gpu.half=false"]);
+    assert!(!without.contains("subgroups") && !without.contains("half"), "{without}");
+    assert_eq!(used(&["--set", "gpu.base=true"]), "[]");
 }
 
 #[test]

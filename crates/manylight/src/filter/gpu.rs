@@ -4,7 +4,7 @@
 
 use super::{LEAST_TRUST, LEAST_VARIANCE, PLANE_SLACK, ROUNDING, sweep};
 use crate::error::Error;
-use crate::gpu::{Buf, Constant, GROUP, KernelInfo, MAX_GROUPS, Memory, Recorder, Value};
+use crate::gpu::{Buf, Constant, Feature, GROUP, KernelInfo, MAX_GROUPS, Memory, Recorder, Value};
 use crate::gpu::{kernel, record};
 use crate::settings::FilterSettings;
 use crate::surface::ViewFrame;
@@ -132,7 +132,7 @@ pub struct Guides {
     pub(super) size: [u32; 2],
     /// Position from the eye, 1 / plane slack.
     pub(super) positions: Buf<[f32; 4]>,
-    /// Unit geometric normal, luminance of the albedo.
+    /// Unit geometric normal, luminance of the albedo; see [`kept`].
     pub(super) normals: Buf<[f32; 4]>,
 }
 
@@ -144,7 +144,7 @@ impl Guides {
         Ok(Self {
             size: [width as u32, height as u32],
             positions: memory.list("guide positions", width * height)?,
-            normals: memory.list("guide normals", width * height)?,
+            normals: kept(memory, "guide normals", width * height)?,
         })
     }
 
@@ -192,7 +192,14 @@ pub struct GpuNoisy<'a> {
     pub rays: u32,
 }
 
-/// Memory of the filter for pictures of one size.
+/// A list of four numbers a pixel, in half the bytes where the device has numbers of 16 bits: there
+/// `kept_half.wgsl` says what is in it.
+fn kept(memory: &impl Memory, name: &'static str, pixels: usize) -> Result<Buf<[f32; 4]>, Error> {
+    let is_half = memory.gpu().features().has(Feature::Half);
+    memory.list(name, if is_half { pixels.div_ceil(2) } else { pixels })
+}
+
+/// Memory of the filter for pictures of one size; for the lists of four numbers see [`kept`].
 #[derive(Debug)]
 pub struct Filter {
     guess: Buf<[f32; 4]>,
@@ -217,10 +224,10 @@ impl Filter {
     ) -> Result<Self, Error> {
         let gpu = memory.gpu();
         let pixels = width * height;
-        let pair = || memory.list("pairs of shares", pixels);
+        let pair = || kept(memory, "pairs of shares", pixels);
         let filtered = (0..signals).map(|_| memory.list("filtered shares", pixels));
         Ok(Self {
-            guess: memory.list("guessed shares", pixels)?,
+            guess: kept(memory, "guessed shares", pixels)?,
             pairs: [pair()?, pair()?],
             one_frame: gpu.upload("one frame", &[1.0])?,
             nothing: gpu.buffer("no shares", 1)?,
@@ -312,7 +319,7 @@ mod tests {
     use crate::filter::{Noisy, atrous};
     use crate::frame::Renderer;
     use crate::gpu::Gpu;
-    use crate::gpu::testing::{check_kernel, device};
+    use crate::gpu::testing::{check_kernel, device, device_with};
     use crate::math::{hash_u32, unit_f32};
     use crate::surface::Receivers;
     use glam::{Vec2, Vec3};
@@ -426,6 +433,65 @@ mod tests {
         let settings = FilterSettings::default();
         let once = run(gpu, &on_device, &view, &signals, &settings);
         assert_eq!(once, run(gpu, &on_device, &view, &signals, &settings));
+    }
+
+    /// Largest rounding of a number of 16 bits, in parts of it.
+    const HALF_ROUNDING: f32 = 1.0 / 2048.0;
+
+    #[test]
+    fn halves_filter_as_whole_numbers_do() {
+        let Some(base) = device() else { return };
+        let Some(gpu) = device_with(Feature::Half) else { return };
+        for (name, size, passes) in
+            [("cornell", [61, 45], 5), ("atrium", [64, 40], 8), ("cornell", [24, 31], 1)]
+        {
+            let settings = FilterSettings { passes, ..FilterSettings::default() };
+            let found = [base, &gpu].map(|gpu| {
+                let (on_device, receivers, view) = scene(gpu, name, size);
+                let signals = [4, 2, 1].map(|rays| signal(&receivers, rays, rays));
+                let once = run(gpu, &on_device, &view, &signals, &settings);
+                assert!(once == run(gpu, &on_device, &view, &signals, &settings), "{name}");
+                once.concat()
+            });
+            let off = |kept: fn(&[f32; 2]) -> f32| {
+                let pairs = found[0].iter().zip(&found[1]);
+                pairs.map(|(a, b)| (kept(a) - kept(b)).abs()).fold(0.0, f32::max)
+            };
+            let worst = [off(|pair| pair[0]), off(|pair| pair[1].sqrt())];
+            println!("{name}, {passes} passes: {worst:?} of share and deviation");
+            // Shares are at most 1, and the guess and every pass round one once. Weights are off by
+            // eight roundings, as products of four cosines of two normals; that shifts what lies
+            // between two shares by a quarter of it at most.
+            let most = (passes + 1) as f32 * (1.0 + 8.0 / 4.0) * HALF_ROUNDING;
+            assert!(worst.iter().all(|off| *off <= most), "{name}: {worst:?} above {most}");
+            assert!(worst[0] > 0.0, "{name}: nothing is kept in halves");
+        }
+    }
+
+    #[test]
+    fn extremes_stay_finite_in_halves() {
+        let Some(gpu) = device_with(Feature::Half) else { return };
+        let (on_device, receivers, view) = scene(&gpu, "cornell", [24, 16]);
+        let settings = FilterSettings { passes: 8, ..FilterSettings::default() };
+        let count = receivers.samples.len();
+        for (ratio, trust, frames, rays) in [
+            (0.0, 0.0, 1.0, 1),
+            (1.0, 1.0, 1.0, 1),
+            (1e-38, 1e-30, 1e6, 1 << 20),
+            (1.0 - 1e-7, 1e6, 1e6, 1 << 20),
+        ] {
+            let same = [Signal {
+                ratio: vec![ratio; count],
+                trust: vec![trust; count],
+                frames: vec![frames; count],
+                rays,
+            }];
+            let found = run(&gpu, &on_device, &view, &same, &settings);
+            for pair in found.concat() {
+                assert!(pair.iter().all(|v| v.is_finite() && *v >= 0.0), "{ratio}: {pair:?}");
+                assert!((pair[0] - ratio).abs() <= 9.0 * HALF_ROUNDING, "{ratio}: {pair:?}");
+            }
+        }
     }
 
     #[test]

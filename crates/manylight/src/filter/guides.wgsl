@@ -1,5 +1,6 @@
 // What tells receivers apart; twin of guides.
 
+import package::filter::kept;
 import package::math::color;
 import package::surface::octahedral;
 
@@ -19,7 +20,7 @@ struct GuideParams {
 // Position from the eye, 1 / plane slack.
 @group(0) @binding(4) var<storage, read_write> guide_positions: array<vec4f>;
 // Unit geometric normal, luminance of the albedo.
-@group(0) @binding(5) var<storage, read_write> guide_normals: array<vec4f>;
+@group(0) @binding(5) var<storage, read_write> guide_normals: array<KeptNormal>;
 
 @compute @workgroup_size(GROUP_X, GROUP_Y)
 fn main(@builtin(global_invocation_id) pixel: vec3u) {
@@ -31,7 +32,7 @@ fn main(@builtin(global_invocation_id) pixel: vec3u) {
     let depth = position.w;
     if !(depth < NO_SURFACE) {
         guide_positions[index] = vec4f(0.0);
-        guide_normals[index] = vec4f(0.0);
+        guide_normals[index] = keep_normal(vec4f(0.0));
         return;
     }
     let p = position.xyz - params.origin;
@@ -40,5 +41,6 @@ fn main(@builtin(global_invocation_id) pixel: vec3u) {
     let slack = PLANE_SLACK * pixel_size + ROUNDING * farthest;
     let normal = unpack_octahedral(bitcast<u32>(normals[index].w));
     guide_positions[index] = vec4f(p, 1.0 / slack);
-    guide_normals[index] = vec4f(normal, luminance(albedos[index].rgb));
+    let albedo = luminance(albedos[index].rgb);
+    guide_normals[index] = keep_normal(vec4f(normal, albedo));
 }

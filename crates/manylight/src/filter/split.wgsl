@@ -1,6 +1,7 @@
 // Two signals, each into a list of its own.
 
 import package::gpu::index;
+import package::filter::kept;
 
 struct SplitParams {
     pixels: u32,
@@ -10,7 +11,7 @@ struct SplitParams {
 
 @group(0) @binding(0) var<uniform> params: SplitParams;
 // Mean and variance of each signal in turn.
-@group(0) @binding(1) var<storage, read> signals: array<vec4f>;
+@group(0) @binding(1) var<storage, read> signals: array<KeptPair>;
 @group(0) @binding(2) var<storage, read_write> first: array<vec2f>;
 @group(0) @binding(3) var<storage, read_write> second: array<vec2f>;
 
@@ -24,7 +25,7 @@ fn main(
     if index >= params.pixels {
         return;
     }
-    let signal = signals[index];
+    let signal = pair_of(signals[index]);
     first[index] = signal.xy;
     if params.is_pair != 0u {
         second[index] = signal.zw;

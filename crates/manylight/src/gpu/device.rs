@@ -51,10 +51,8 @@ pub struct AdapterDescription {
     pub workgroup_memory: u32,
     /// Whether stages can be timed on the device.
     pub timestamps: bool,
-    /// Whether it has subgroup operations.
-    pub subgroups: bool,
-    /// Whether it has hardware ray queries.
-    pub ray_queries: bool,
+    /// What it offers beyond what every device has.
+    pub features: Features,
     /// What it lacks to render; `None` if nothing.
     pub lacks: Option<String>,
 }
@@ -111,8 +109,7 @@ fn describe(adapter: &wgpu::Adapter) -> AdapterDescription {
         max_buffer: limits.max_buffer_size,
         workgroup_memory: limits.max_compute_workgroup_storage_size,
         timestamps: features.contains(wgpu::Features::TIMESTAMP_QUERY),
-        subgroups: features.contains(wgpu::Features::SUBGROUP),
-        ray_queries: features.contains(wgpu::Features::EXPERIMENTAL_RAY_QUERY),
+        features: Features::ALL.offered_by(features),
         lacks: (!lacks.is_empty()).then(|| lacks.join(", ")),
     }
 }

@@ -19,6 +19,16 @@ impl Feature {
     /// All there are.
     pub const ALL: [Self; 4] = [Self::Subgroups, Self::Half, Self::RayQueries, Self::Bindless];
 
+    /// The last word of its setting.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Subgroups => "subgroups",
+            Self::Half => "half",
+            Self::RayQueries => "ray_queries",
+            Self::Bindless => "bindless",
+        }
+    }
+
     /// What the device is asked for.
     pub fn wgpu(self) -> wgpu::Features {
         match self {
@@ -55,6 +65,11 @@ impl Features {
     /// Whether one is among them.
     pub fn has(self, feature: Feature) -> bool {
         self.chosen[feature as usize]
+    }
+
+    /// Names of those among them.
+    pub fn names(self) -> Vec<&'static str> {
+        Feature::ALL.into_iter().filter(|&f| self.has(f)).map(Feature::name).collect()
     }
 
     /// Those among them that a device offers.

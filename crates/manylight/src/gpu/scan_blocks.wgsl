@@ -1,4 +1,5 @@
 // Exclusive prefix sums inside blocks of SCAN_BLOCK values, and the sum of each block.
+import package::gpu::running;
 
 struct ScanParams {
     count: u32,
@@ -9,7 +10,6 @@ struct ScanParams {
 @group(0) @binding(2) var<storage, read_write> sums: array<u32>;
 
 const PER_INVOCATION = SCAN_BLOCK / GROUP_X;
-var<workgroup> partial: array<u32, GROUP_X>;
 
 @compute @workgroup_size(GROUP_X)
 fn main(
@@ -17,7 +17,8 @@ fn main(
     @builtin(local_invocation_index) local: u32,
 ) {
     // Each invocation adds up a run of its own.
-    let first = group.x * SCAN_BLOCK + local * PER_INVOCATION;
+    let place = place_of(local);
+    let first = group.x * SCAN_BLOCK + place * PER_INVOCATION;
     var own: array<u32, PER_INVOCATION>;
     var sum = 0u;
     for (var i = 0u; i < PER_INVOCATION; i++) {
@@ -26,26 +27,13 @@ fn main(
             sum += values[first + i];
         }
     }
-    partial[local] = sum;
-
-    // The sums of the runs before it, by doubling steps.
-    for (var step = 1u; step < GROUP_X; step *= 2u) {
-        workgroupBarrier();
-        var before = 0u;
-        if local >= step {
-            before = partial[local - step];
-        }
-        workgroupBarrier();
-        partial[local] += before;
-    }
-    workgroupBarrier();
-    let before = partial[local] - sum;
+    let sums_of_runs = running_sum(place, sum);
     for (var i = 0u; i < PER_INVOCATION; i++) {
         if first + i < params.count {
-            values[first + i] = before + own[i];
+            values[first + i] = sums_of_runs.x + own[i];
         }
     }
-    if local == GROUP_X - 1u {
-        sums[group.x] = before + sum;
+    if place == 0u {
+        sums[group.x] = sums_of_runs.y;
     }
 }

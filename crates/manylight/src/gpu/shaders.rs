@@ -1,6 +1,6 @@
 //! The text of every shader.
 
-use super::{Sources, Variant};
+use super::{Feature, Sources, Variant};
 
 macro_rules! shaders {
     ($($path:literal),* $(,)?) => {
@@ -12,11 +12,35 @@ macro_rules! shaders {
 pub const SHADERS: Sources<'_> = Sources { files: FILES, variants: VARIANTS };
 
 /// Files for devices that offer more.
-const VARIANTS: &[Variant] = &[];
+const VARIANTS: &[Variant] = &[
+    variant(Feature::Subgroups, "gpu/running", "gpu/running_subgroups"),
+    variant(Feature::Subgroups, "gpu/running_words", "gpu/running_words_subgroups"),
+    variant(
+        Feature::Subgroups,
+        "gather/grid/gpu/receiver_bounds",
+        "gather/grid/gpu/receiver_bounds_subgroups",
+    ),
+    variant(
+        Feature::Subgroups,
+        "gather/grid/gpu/build/join_extent",
+        "gather/grid/gpu/build/join_extent_subgroups",
+    ),
+    variant(Feature::Half, "filter/kept", "filter/kept_half"),
+];
+
+const fn variant(feature: Feature, of: &'static str, by: &'static str) -> Variant {
+    Variant { feature, of, by }
+}
 
 /// Path below `src`, without extension, and text.
 const FILES: &[(&str, &str)] = shaders![
     "gpu/index",
+    "gpu/ordered",
+    "gpu/running",
+    "gpu/running_words",
+    "gpu/running_subgroups",
+    "gpu/running_words_subgroups",
+    "gpu/subgroup",
     "gpu/scan_blocks",
     "gpu/scan_add",
     "math/sequence",
@@ -51,6 +75,8 @@ const FILES: &[(&str, &str)] = shaders![
     "gather/grid/gpu/build/find",
     "gather/grid/gpu/build/finish",
     "gather/grid/gpu/build/insert",
+    "gather/grid/gpu/build/join_extent",
+    "gather/grid/gpu/build/join_extent_subgroups",
     "gather/grid/gpu/build/keys",
     "gather/grid/gpu/build/moments",
     "gather/grid/gpu/build/octants",
@@ -66,6 +92,8 @@ const FILES: &[(&str, &str)] = shaders![
     "gather/grid/gpu/build/sum_level",
     "gather/grid/gpu/build/sum_vpls",
     "gather/grid/gpu/build/top_level",
+    "filter/kept",
+    "filter/kept_half",
     "filter/taps",
     "filter/noisy",
     "filter/guides",
@@ -90,7 +118,9 @@ const FILES: &[(&str, &str)] = shaders![
     "gather/grid/gpu/draws",
     "gather/grid/gpu/contribution",
     "gather/grid/gpu/tiles",
+    "gather/grid/gpu/bounds_of",
     "gather/grid/gpu/receiver_bounds",
+    "gather/grid/gpu/receiver_bounds_subgroups",
     "gather/grid/gpu/descend",
     "gather/grid/gpu/search",
     "gather/grid/gpu/light",

@@ -163,7 +163,12 @@ fn check_port(
         Access::Uniform => layouter[item].alignment.round_up(port.size as u32),
         _ => port.size as u32,
     };
-    assert_eq!(stride, size, "{name}: bytes of {}", port.name);
+    // Numbers of 16 bits are kept in half the bytes.
+    let is_half = match module.types[item].inner {
+        naga::TypeInner::Vector { scalar, .. } => scalar == naga::Scalar::F16,
+        _ => false,
+    };
+    assert_eq!(stride * if is_half { 2 } else { 1 }, size, "{name}: bytes of {}", port.name);
     let naga::TypeInner::Struct { members, .. } = &module.types[item].inner else { return };
     let fields: Vec<_> = port.fields.iter().filter(|f| !f.0.starts_with('_')).collect();
     let shader: Vec<_> = members

@@ -1,6 +1,7 @@
 // Adds a frame of one signal to those before it; twin of accumulate.
 
 import package::math::color;
+import package::filter::kept;
 import package::filter::taps;
 
 struct AccumulateParams {
@@ -13,7 +14,7 @@ struct AccumulateParams {
 
 @group(0) @binding(0) var<uniform> params: AccumulateParams;
 @group(0) @binding(1) var<storage, read> guide_positions: array<vec4f>;
-@group(0) @binding(2) var<storage, read> guide_normals: array<vec4f>;
+@group(0) @binding(2) var<storage, read> guide_normals: array<KeptNormal>;
 // Corner of the taps and bits of the weights of three; the sum of four is 1.
 @group(0) @binding(3) var<storage, read> motion: array<vec4u>;
 // Share and trust of this frame, of those before it, and of both.
@@ -82,7 +83,7 @@ fn recall(taps: vec4u) -> Share {
 // Mean, mean square and sum of squared weights of the shares around a receiver; twin of
 // neighborhoods and of Neighborhood::new.
 fn neighborhood(pixel: vec2u, index: u32) -> Neighborhood {
-    let here = plane_of(guide_positions[index], guide_normals[index], 1.0);
+    let here = plane_of(guide_positions[index], normal_of(guide_normals[index]), 1.0);
     let center = noisy[index];
     let own = KERNEL_CENTER * KERNEL_CENTER * max(center.y, LEAST_TRUST);
     var sums = Sums(own * vec2f(center.x, center.x * center.x), vec2f(own * own), vec2f(own));
@@ -92,7 +93,8 @@ fn neighborhood(pixel: vec2u, index: u32) -> Neighborhood {
             continue;
         }
         let there = u32(other);
-        let edge = weigh(here, guide_positions[there], guide_normals[there], tap_kernel(tap));
+        let normal_there = normal_of(guide_normals[there]);
+        let edge = weigh(here, guide_positions[there], normal_there, tap_kernel(tap));
         let share = noisy[there];
         let weight = edge.x / edge.y * max(share.y, LEAST_TRUST);
         add_tap(&sums, vec2f(weight), vec2f(share.x, share.x * share.x), vec2f(1.0));

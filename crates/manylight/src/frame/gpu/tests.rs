@@ -2,8 +2,8 @@ use super::*;
 use crate::composite::Layers;
 use crate::emitter::gpu::testing::sky_map;
 use crate::frame::Past;
-use crate::gpu::GpuOptions;
-use crate::gpu::testing::device;
+use crate::gpu::testing::{device, device_with};
+use crate::gpu::{Feature, GpuOptions};
 use glam::Quat;
 use manylight_image::Raster;
 use manylight_scene::Shot;
@@ -228,6 +228,38 @@ fn two_frames_have_the_same_bits() {
             }
         })
     });
+}
+
+/// Twice the picture of a built-in scene on a device with some feature, and once without.
+fn with_and_without(feature: Feature, name: &str) -> Option<[Layers; 3]> {
+    let gpu = device_with(feature)?;
+    let (mut found, settings) = (Vec::new(), few("balanced"));
+    with_scene(gpu, builtin(name), |both| {
+        found.extend([both.on_device(SIZE, &settings), both.on_device(SIZE, &settings)]);
+    });
+    with_gpu(|gpu| {
+        with_scene(gpu, builtin(name), |both| found.push(both.on_device(SIZE, &settings)))
+    });
+    found.try_into().ok()
+}
+
+#[test]
+fn subgroups_change_no_bit_of_a_picture() {
+    let Some([once, again, base]) = with_and_without(Feature::Subgroups, "atrium") else { return };
+    assert!(bits(&once) == bits(&base) && bits(&again) == bits(&base));
+}
+
+#[test]
+fn halves_change_a_picture_little_and_repeat_themselves() {
+    for name in ["cornell", "atrium"] {
+        let Some([once, again, base]) = with_and_without(Feature::Half, name) else { return };
+        assert!(bits(&once) == bits(&again), "{name}");
+        assert!(bits(&once) != bits(&base), "{name}: nothing is kept in halves");
+        let errors = manylight_image::compare(&raster(&once), &raster(&base)).expect("one size");
+        println!("{name}: {errors:?}");
+        assert_eq!(errors.nonfinite_count, 0, "{name}");
+        assert!(errors.flip_mean <= 1e-3 && errors.energy_bias.abs() <= 1e-3, "{name}: {errors:?}");
+    }
 }
 
 /// The shots in a folder, each with what it makes of its scene: all but the camera.

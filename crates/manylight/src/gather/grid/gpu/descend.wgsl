@@ -3,17 +3,16 @@
 //
 // Reads `info`, `reach`, `params`, `cells`; works in `frontier`. The importing file says which
 // lights it wants (`is_wanted`) and what becomes of them (`keep`).
+import package::gpu::running;
 
 // What is looked for in the cells at hand.
 const CELLS = 0u;
 const LIGHTS = 1u;
-const MASK_WORDS = (GROUP_X + 31u) / 32u;
 // Room for rounding in a lattice of 2^13 cells, in cells.
 const LATTICE_SLACK = 0.01;
 
 var<workgroup> starts: array<u32, GROUP_X>;
 var<workgroup> ends: array<u32, GROUP_X>;
-var<workgroup> kept: array<atomic<u32>, MASK_WORDS>;
 var<workgroup> found: array<u32, 2>;
 
 // Whether nothing is missing in the lists.
@@ -56,20 +55,6 @@ fn things_in(things: u32, level: u32, cell: u32, bounds: Bounds) -> vec2u {
     return vec2u(first, min(max(cells[cell + 1u].light, first), info.vpl_count) - first);
 }
 
-// Running sums of `ends` over the workgroup.
-fn add_up_ends(local: u32) -> u32 {
-    for (var step = 1u; step < GROUP_X; step *= 2u) {
-        workgroupBarrier();
-        var before = 0u;
-        if local >= step {
-            before = ends[local - step];
-        }
-        workgroupBarrier();
-        ends[local] += before;
-    }
-    return workgroupUniformLoad(&ends[GROUP_X - 1u]);
-}
-
 // The thing at a place of all things in the cells at hand.
 fn thing_at(place: u32) -> u32 {
     var low = 0u;
@@ -86,29 +71,30 @@ fn thing_at(place: u32) -> u32 {
 
 // Looks at all things of one kind in the cells of a frontier; what is wanted goes on in order.
 fn look_into(things: u32, level: u32, source: u32, count: u32, bounds: Bounds, group: u32,
-    local: u32) {
+    own_place: u32) {
     let target_start = frontier_start(group, 1u - source);
     for (var first = 0u; first < count; first += GROUP_X) {
         var range = vec2u(0u);
-        if first + local < count {
-            let cell = frontier[frontier_start(group, source) + first + local];
+        if first + own_place < count {
+            let cell = frontier[frontier_start(group, source) + first + own_place];
             range = things_in(things, level, cell, bounds);
         }
-        starts[local] = range.x;
-        ends[local] = range.y;
-        let total = add_up_ends(local);
+        let before = running_sum(own_place, range.y).x;
+        starts[own_place] = range.x;
+        ends[own_place] = before + range.y;
+        let total = running_total();
         for (var base = 0u; base < total; base += GROUP_X) {
             var thing = 0u;
             var is_kept = false;
-            if base + local < total {
-                thing = thing_at(base + local);
+            if base + own_place < total {
+                thing = thing_at(base + own_place);
                 if things == CELLS {
                     is_kept = is_cell_near(thing, level - 1u, bounds);
                 } else {
                     is_kept = is_wanted(level, thing, bounds);
                 }
             }
-            let place = place_of_kept(things, is_kept, local);
+            let place = place_of_kept(things, is_kept, own_place);
             if is_kept && things == LIGHTS {
                 keep(place, level, thing);
             }
@@ -126,34 +112,20 @@ fn frontier_start(group: u32, side: u32) -> u32 {
 }
 
 // Place of this invocation's thing among all that were kept; counts them.
-fn place_of_kept(things: u32, is_kept: bool, local: u32) -> u32 {
-    if local < MASK_WORDS {
-        atomicStore(&kept[local], 0u);
-    }
+fn place_of_kept(things: u32, is_kept: bool, own_place: u32) -> u32 {
+    let counts = running_count(own_place, is_kept);
+    let first = found[things];
     workgroupBarrier();
-    if is_kept {
-        atomicOr(&kept[local / 32u], 1u << (local % 32u));
+    if own_place == 0u {
+        found[things] = first + counts.y;
     }
-    workgroupBarrier();
-    var place = found[things];
-    var all = found[things];
-    for (var word = 0u; word < MASK_WORDS; word++) {
-        let bits = atomicLoad(&kept[word]);
-        all += countOneBits(bits);
-        let below = select(0u, (1u << (local % 32u)) - 1u, word == local / 32u);
-        place += countOneBits(bits & select(below, 0xffffffffu, word < local / 32u));
-    }
-    workgroupBarrier();
-    if local == 0u {
-        found[things] = all;
-    }
-    workgroupBarrier();
-    return place;
+    return first + counts.x;
 }
 
 // Goes down from the top; returns how many lights were kept, and how long the longest frontier
 // would have been.
 fn descend(bounds: Bounds, group: u32, local: u32) -> vec2u {
+    let own_place = place_of(local);
     let top = info.level_count;
     var count = min(info.levels[top].cell_count, params.frontier_capacity);
     var longest = info.levels[top].cell_count;
@@ -167,9 +139,9 @@ fn descend(bounds: Bounds, group: u32, local: u32) -> vec2u {
     workgroupBarrier();
     var source = 0u;
     for (var level = top; level > 0u; level--) {
-        look_into(LIGHTS, level, source, count, bounds, group, local);
+        look_into(LIGHTS, level, source, count, bounds, group, own_place);
         if level > 1u {
-            look_into(CELLS, level, source, count, bounds, group, local);
+            look_into(CELLS, level, source, count, bounds, group, own_place);
             let next = workgroupUniformLoad(&found[CELLS]);
             if local == 0u {
                 found[CELLS] = 0u;
@@ -180,7 +152,7 @@ fn descend(bounds: Bounds, group: u32, local: u32) -> vec2u {
         }
     }
     if info.levels[0].light_count > 0u {
-        look_into(LIGHTS, 0u, source, count, bounds, group, local);
+        look_into(LIGHTS, 0u, source, count, bounds, group, own_place);
     }
     return vec2u(workgroupUniformLoad(&found[LIGHTS]), longest);
 }

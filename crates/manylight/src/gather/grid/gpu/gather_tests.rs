@@ -9,8 +9,8 @@ use crate::emitter::Emitters;
 use crate::gather::grid::tiles::{Bounds, TileLight, collect, narrow, shells};
 use crate::gather::grid::walk::{Row, TileList};
 use crate::gather::grid::{DETAIL, LightingGrid, TILE, contribution, reach, sample};
-use crate::gpu::testing::{check_kernel, device};
-use crate::gpu::{Gpu, KernelInfo};
+use crate::gpu::testing::{check_kernel, device, device_with};
+use crate::gpu::{Feature, Gpu, KernelInfo};
 use crate::math::{hash_u32, morton_2d};
 use crate::settings::{Settings, ShadowEstimate};
 use crate::surface::gpu::GpuReceivers;
@@ -473,6 +473,20 @@ fn bands_slices_and_repetitions_change_no_bit() {
     assert!(bits(&whole) == bits(&again), "two runs differ");
     let small = GatherCapacity { band_blocks: 4, slice_rays: 3, ..Default::default() };
     assert!(bits(&whole) == bits(&run(gpu, &case, small)), "bands matter");
+}
+
+#[test]
+fn subgroups_gather_the_same_bits() {
+    let Some(base) = device() else { return };
+    let Some(gpu) = device_with(Feature::Subgroups) else { return };
+    for (scene, preset) in [("builtin:atrium", "balanced"), ("builtin:cornell", "paper")] {
+        // The device chooses alpha, which counts lights in the same way.
+        let case = Case::small(scene, preset);
+        let [a, b] = [base, &gpu].map(|gpu| run(gpu, &case, GatherCapacity::default()));
+        assert_eq!(a.reach.alpha.to_bits(), b.reach.alpha.to_bits(), "{scene}");
+        assert!(a.candidates == b.candidates && a.masks == b.masks, "{scene}: lists");
+        assert!(bits(&a) == bits(&b), "{scene}: sums and ratios");
+    }
 }
 
 #[test]

@@ -1,6 +1,6 @@
 // The bounds of all lights that take part.
 import package::gpu::index;
-import package::gather::grid::gpu::build::extent;
+import package::gather::grid::gpu::build::join_extent;
 
 @group(0) @binding(0) var<uniform> vpl_info: VplInfo;
 @group(0) @binding(1) var<storage, read> lights: array<Vpl>;
@@ -23,14 +23,16 @@ fn main(
     }
     workgroupBarrier();
     let index = item_index(group, groups, local);
+    var low = vec3u(0xffffffffu);
+    var high = vec3u(0u);
+    var count = 0u;
     if index < min(vpl_info.count, arrayLength(&lights)) && is_valid(lights[index]) {
         let p = lights[index].position;
-        for (var axis = 0u; axis < 3u; axis++) {
-            atomicMin(&own.low[axis], ordered(p[axis]));
-            atomicMax(&own.high[axis], ordered(p[axis]));
-        }
-        atomicAdd(&own.count, 1u);
+        low = vec3u(ordered(p.x), ordered(p.y), ordered(p.z));
+        high = low;
+        count = 1u;
     }
+    join_extent(low, high, count);
     workgroupBarrier();
     if local < 3u {
         atomicMin(&extent.low[local], atomicLoad(&own.low[local]));

@@ -1,4 +1,5 @@
 // Writes the cells of all levels, by the light that is the first of each; twin of cells_of.
+import package::gpu::running_words;
 import package::gather::grid::gpu::record;
 import package::gather::grid::gpu::build::cube;
 import package::gather::grid::gpu::build::top_level;
@@ -14,27 +15,8 @@ struct CellParams {
 @group(0) @binding(4) var<storage, read_write> cells: array<Cell>;
 
 const PER_INVOCATION = CELL_BLOCK / GROUP_X;
-const WORDS = LEVEL_ENTRIES / 2u;
 // Cells that begin at the lights of each invocation, two levels to a word.
-var<workgroup> counts: array<array<u32, GROUP_X>, WORDS>;
-
-fn scan_counts(local: u32) {
-    for (var step = 1u; step < GROUP_X; step *= 2u) {
-        workgroupBarrier();
-        var before: array<u32, WORDS>;
-        for (var w = 0u; w < WORDS; w++) {
-            before[w] = 0u;
-            if local >= step {
-                before[w] = counts[w][local - step];
-            }
-        }
-        workgroupBarrier();
-        for (var w = 0u; w < WORDS; w++) {
-            counts[w][local] += before[w];
-        }
-    }
-    workgroupBarrier();
-}
+const RUNNING_WORDS = LEVEL_ENTRIES / 2u;
 
 fn write_cell(place: u32, level: u32, light: u32, inner: u32) {
     if place >= arrayLength(&cells) {
@@ -75,25 +57,22 @@ fn main(
     @builtin(workgroup_id) group: vec3u,
     @builtin(local_invocation_index) local: u32,
 ) {
-    let first = group.x * CELL_BLOCK + local * PER_INVOCATION;
-    var sums: array<u32, WORDS>;
+    let place = place_of(local);
+    let first = group.x * CELL_BLOCK + place * PER_INVOCATION;
+    var counts: array<u32, RUNNING_WORDS>;
     for (var i = 0u; i < PER_INVOCATION; i++) {
         let top = top_level(first + i);
         for (var level = 1u; level <= top; level++) {
-            sums[level / 2u] += 1u << ((level & 1u) * 16u);
+            counts[level / 2u] += 1u << ((level & 1u) * 16u);
         }
     }
-    for (var w = 0u; w < WORDS; w++) {
-        counts[w][local] = sums[w];
-    }
-    scan_counts(local);
+    var sums = sum_words(place, counts);
     // The next cell of each level; sentinels end the levels below.
     var next: array<u32, LEVEL_ENTRIES>;
     for (var level = 1u; level <= info.level_count; level++) {
         let lane = (level & 1u) * 16u;
-        let through = (counts[level / 2u][local] >> lane) & 0xffffu;
-        let own = (sums[level / 2u] >> lane) & 0xffffu;
-        next[level] = ranks[(level - 1u) * params.blocks + group.x] + level - 1u + through - own;
+        let before = (sums.before[level / 2u] >> lane) & 0xffffu;
+        next[level] = ranks[(level - 1u) * params.blocks + group.x] + level - 1u + before;
     }
     for (var i = 0u; i < PER_INVOCATION; i++) {
         let top = top_level(first + i);

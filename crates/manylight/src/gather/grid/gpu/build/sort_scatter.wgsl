@@ -2,6 +2,7 @@
 //
 // A block is first sorted in workgroup memory, half a digit at a time, so that items with equal
 // digits are written side by side.
+import package::gpu::running_words;
 import package::gather::grid::gpu::build::digit;
 
 @group(0) @binding(0) var<uniform> params: SortParams;
@@ -13,54 +14,31 @@ import package::gather::grid::gpu::build::digit;
 const PER_INVOCATION = SORT_BLOCK / GROUP_X;
 const HALF_BITS = 4u;
 const HALF_DIGITS = 16u;
+// How many items have each half digit, two to a word.
+const RUNNING_WORDS = 8u;
 // Digit above the position in the block; all ones for what lies behind the end.
 var<workgroup> order: array<u32, SORT_BLOCK>;
-// Of every invocation how many items have each half digit, two to a word.
-var<workgroup> counts: array<array<u32, GROUP_X>, 8>;
 // First item of the block with each digit.
 var<workgroup> starts: array<u32, SORT_DIGITS>;
 
-// Running sums over the invocations, two to a word.
-fn scan_counts(local: u32) {
-    for (var step = 1u; step < GROUP_X; step *= 2u) {
-        workgroupBarrier();
-        var before: array<u32, 8>;
-        for (var w = 0u; w < 8u; w++) {
-            before[w] = 0u;
-            if local >= step {
-                before[w] = counts[w][local - step];
-            }
-        }
-        workgroupBarrier();
-        for (var w = 0u; w < 8u; w++) {
-            counts[w][local] += before[w];
-        }
-    }
-    workgroupBarrier();
-}
-
 // One stable pass of the block over half a digit.
-fn sort_half(local: u32, shift: u32) {
+fn sort_half(place: u32, shift: u32) {
     var own: array<u32, PER_INVOCATION>;
-    var sums: array<u32, 8>;
+    var counts: array<u32, RUNNING_WORDS>;
     for (var i = 0u; i < PER_INVOCATION; i++) {
-        own[i] = order[local * PER_INVOCATION + i];
+        own[i] = order[place * PER_INVOCATION + i];
         let half = (own[i] >> (16u + shift)) & (HALF_DIGITS - 1u);
-        sums[half >> 1u] += 1u << ((half & 1u) * 16u);
+        counts[half >> 1u] += 1u << ((half & 1u) * 16u);
     }
-    for (var w = 0u; w < 8u; w++) {
-        counts[w][local] = sums[w];
-    }
-    scan_counts(local);
+    var sums = sum_words(place, counts);
     // Where the first item of this invocation with each half digit goes.
     var next: array<u32, HALF_DIGITS>;
     var before = 0u;
     for (var half = 0u; half < HALF_DIGITS; half++) {
         let lane = (half & 1u) * 16u;
         let w = half >> 1u;
-        let own_count = (sums[w] >> lane) & 0xffffu;
-        next[half] = before + ((counts[w][local] >> lane) & 0xffffu) - own_count;
-        before += (counts[w][GROUP_X - 1u] >> lane) & 0xffffu;
+        next[half] = before + ((sums.before[w] >> lane) & 0xffffu);
+        before += (sums.all[w] >> lane) & 0xffffu;
     }
     for (var i = 0u; i < PER_INVOCATION; i++) {
         let half = (own[i] >> (16u + shift)) & (HALF_DIGITS - 1u);
@@ -87,8 +65,9 @@ fn main(
         order[position] = entry;
     }
     workgroupBarrier();
-    sort_half(local, 0u);
-    sort_half(local, HALF_BITS);
+    let place = place_of(local);
+    sort_half(place, 0u);
+    sort_half(place, HALF_BITS);
     for (var i = 0u; i < PER_INVOCATION; i++) {
         let position = i * GROUP_X + local;
         let digit = order[position] >> 16u;

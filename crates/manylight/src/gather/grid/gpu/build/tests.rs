@@ -1,9 +1,10 @@
+use super::sort::Sort;
 use super::*;
 use crate::gather::grid::gpu::record::{CellRecord, GridLightRecord};
 use crate::gather::grid::record::LightingGrid;
-use crate::gpu::Gpu;
-use crate::gpu::testing::{check_kernel, device};
-use crate::math::{Sequence, luminance, uniform_sphere};
+use crate::gpu::testing::{check_kernel, device, device_with};
+use crate::gpu::{Feature, Gpu};
+use crate::math::{Sequence, hash_u32, luminance, uniform_sphere};
 use crate::vlight::Vpl;
 use glam::{DVec3, Vec3};
 use std::collections::HashMap;
@@ -220,5 +221,59 @@ fn owners_come_first() {
         let total: f32 = octants.luminance.iter().sum();
         assert!((total / light.luminance - 1.0).abs() < 1e-4, "{total} {light:?}");
         assert!((luminance(light.intensity.into()) / light.luminance - 1.0).abs() < 1e-4);
+    }
+}
+
+/// Words as they come out of a sort by `bits` bits of their keys.
+fn sorted(gpu: &Gpu, items: &[[u32; 4]], bits: u32) -> Vec<[u32; 4]> {
+    let sort = Sort::new(gpu, items.len().max(1)).expect("memory");
+    gpu.write(&sort.items, items);
+    let count = gpu.upload("count", &[items.len() as u32]).expect("count");
+    let mut rec = gpu.record(None);
+    sort.record(&mut rec, &count, bits);
+    rec.submit().wait().expect("done");
+    gpu.read(&sort.items, items.len()).expect("items")
+}
+
+/// Random keys, few different keys, one key, and numbers of items that do not fill a block.
+fn check_sort(gpu: &Gpu) {
+    for (count, mask) in [(0, 0), (1, !0), (255, !0), (1025, 0x0101), (5000, !0), (9000, 0)] {
+        let key = |i: u32| [hash_u32(i) & mask, hash_u32(!i) & mask & 0xff, i, 0];
+        let items: Vec<_> = (0..count).map(key).collect();
+        let mut expected = items.clone();
+        expected.sort_by_key(|item| (item[1], item[0]));
+        assert!(sorted(gpu, &items, 40) == expected, "{count} items, keys {mask:x}");
+    }
+}
+
+#[test]
+fn sorting_keeps_the_order_of_equal_keys() {
+    device().into_iter().for_each(check_sort);
+}
+
+#[test]
+fn subgroups_sort_alike() {
+    device_with(Feature::Subgroups).iter().for_each(check_sort);
+}
+
+#[test]
+fn subgroups_build_the_same_bits() {
+    let Some(base) = device() else { return };
+    let Some(gpu) = device_with(Feature::Subgroups) else { return };
+    for (lights, lobes) in [(in_a_box(3000), 6), (with_bad_ones(1000), 1), (in_a_box(1), 6)] {
+        let settings = GridSettings { lobes, ..GridSettings::default() };
+        let rules = GridRules::new(&settings, 0.05);
+        let [a, b] = [base, &gpu].map(|gpu| build(gpu, &lights, &rules));
+        assert!(bytemuck::bytes_of(&a.info) == bytemuck::bytes_of(&b.info));
+        let bytes = |built: &Built| {
+            let Built { cells, lights, octants, points, .. } = built;
+            [
+                bytemuck::cast_slice::<_, u8>(cells).to_vec(),
+                bytemuck::cast_slice(lights).to_vec(),
+                bytemuck::cast_slice(octants).to_vec(),
+                bytemuck::cast_slice(points).to_vec(),
+            ]
+        };
+        assert!(bytes(&a) == bytes(&b), "{} lights, {lobes} lobes", lights.len());
     }
 }
