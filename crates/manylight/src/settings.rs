@@ -208,7 +208,8 @@ group! {
         /// Whether to take only what every device has: smallest limits, no optional feature. For
         /// finding out whether one of them makes a difference.
         base: bool = false,
-        /// Whether to use operations across invocations that run in step, where the device has them.
+        /// Whether to use operations across invocations that run in step, where the device has
+        /// them.
         subgroups: bool = true,
         /// Whether to use numbers of 16 bits, where the device has them.
         half: bool = true,

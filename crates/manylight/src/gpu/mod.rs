@@ -4,8 +4,8 @@
 //! [`Recorder`]
 //! Knows no light transport. Kernels are declared by `kernel!` in the `gpu.rs` of their room,
 //! records they share with Rust by `record!`; a test compares both with the shaders.
-//! Limits: `wgpu::Limits::defaults()` and no optional feature is enough; [`Features`] are used where
-//! a device offers them.
+//! Limits: `wgpu::Limits::defaults()` and no optional feature is enough; [`Features`] are used
+//! where a device offers them.
 
 mod buffer;
 mod device;

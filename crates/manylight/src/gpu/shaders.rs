@@ -1,6 +1,6 @@
 //! The text of every shader.
 
-use super::{Sources, Variant};
+use super::{Feature, Sources, Variant};
 
 macro_rules! shaders {
     ($($path:literal),* $(,)?) => {
@@ -12,7 +12,8 @@ macro_rules! shaders {
 pub const SHADERS: Sources<'_> = Sources { files: FILES, variants: VARIANTS };
 
 /// Files for devices that offer more.
-const VARIANTS: &[Variant] = &[];
+const VARIANTS: &[Variant] =
+    &[Variant { feature: Feature::RayQueries, of: "world/walk", by: "world/walk_query" }];
 
 /// Path below `src`, without extension, and text.
 const FILES: &[(&str, &str)] = shaders![
@@ -25,6 +26,9 @@ const FILES: &[(&str, &str)] = shaders![
     "bvh/traverse",
     "world/scene",
     "world/texture",
+    "world/alpha",
+    "world/walk",
+    "world/walk_query",
     "world/rays",
     "world/cast",
     "surface/octahedral",

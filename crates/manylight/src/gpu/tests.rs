@@ -1,6 +1,6 @@
 use super::scan::Scan;
 use super::testing::{device, device_with};
-use super::{Arrival, Feature, Gpu};
+use super::{Arrival, Feature, Features, Gpu};
 use crate::math::hash_u32;
 
 #[test]
@@ -89,4 +89,21 @@ fn what_goes_wrong_on_someone_elses_device_is_a_sentence() {
     let problem = invalid.expect_err("invalid").to_string();
     assert!(problem.contains("theirs: ") && problem.lines().count() == 1, "{problem}");
     gpu.guard(|| Ok(())).expect("nothing is left of it");
+}
+
+#[test]
+fn ray_queries_need_limits_that_leave_room() {
+    let (offered, limits) = (wgpu::Features::all(), wgpu::Limits::defaults());
+    let features = Features::ALL.offered_by(offered, &limits);
+    assert!(!features.has(Feature::RayQueries) && features.has(Feature::Subgroups));
+    let limits = limits.using_minimum_supported_acceleration_structure_values();
+    assert!(Features::ALL.offered_by(offered, &limits).has(Feature::RayQueries));
+}
+
+#[test]
+fn ray_queries_are_taken_from_someone_elses_device() {
+    let Some(opened) = device_with(Feature::RayQueries) else { return };
+    let (raw, queue) = (opened.device().clone(), opened.queue().clone());
+    let gpu = Gpu::from_device(raw, queue, "theirs".to_owned()).expect("device");
+    assert!(gpu.features().has(Feature::RayQueries));
 }

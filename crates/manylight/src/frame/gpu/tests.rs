@@ -1,8 +1,8 @@
 use super::*;
 use crate::composite::Layers;
 use crate::emitter::gpu::testing::sky_map;
-use crate::gpu::GpuOptions;
-use crate::gpu::testing::device;
+use crate::gpu::testing::{device, device_with};
+use crate::gpu::{Feature, GpuOptions};
 use manylight_image::Raster;
 use manylight_scene::Shot;
 use std::path::{Path, PathBuf};
@@ -226,6 +226,20 @@ fn two_frames_have_the_same_bits() {
             }
         })
     });
+}
+
+#[test]
+fn ray_queries_render_the_same_pictures_and_the_same_bits() {
+    let Some(mut gpu) = device_with(Feature::RayQueries) else { return };
+    let settings = few("balanced");
+    for name in ["cornell", "atrium"] {
+        gpu = with_scene(gpu, builtin(name), |both| {
+            let flip = both.check_picture(name, SIZE, &settings);
+            println!("{name}: FLIP {flip:.5} with ray queries");
+            let [a, b] = [(); 2].map(|()| bits(&both.on_device(SIZE, &settings)));
+            assert!(a == b, "{name}: two runs");
+        });
+    }
 }
 
 /// The shots in a folder, each with what it makes of its scene: all but the camera.
