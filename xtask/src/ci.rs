@@ -39,7 +39,7 @@ const STEPS: [Step; 7] = [
     Step {
         name: "device",
         why: "says which graphics device the tests run on, or why they skip it",
-        args: &["test", "-p", "manylight", "--lib", "says_which_device", "--", "--nocapture"],
+        args: &["test", "--workspace", "--lib", "says_which_device", "--", "--nocapture"],
     },
     Step {
         name: "test",

@@ -204,7 +204,8 @@ impl Gpu {
     }
 
     /// Takes a device that someone else opened. What goes wrong on it is told by the functions that
-    /// did it; the device's own handlers are left alone.
+    /// did it; the device's own handlers are left alone. Of [`Features`] those are used that it was
+    /// opened with; ray queries also need limits for acceleration structures.
     ///
     /// Errors: less than `wgpu::Limits::defaults()`
     pub fn from_device(

@@ -8,17 +8,25 @@ import package::world::scene;
 // ray, and those with holes.
 @group(1) @binding(6) var hardware_tree: acceleration_structure;
 
-// Instance and triangle of a hit.
+// The hit of a triangle that the hardware found. Distance and barycentrics are those that the walk
+// by shaders finds, where its test agrees that the ray meets the triangle.
 //
 // Words of a placement: object from world (12), instance, first triangles of both lists. Instance
 // NONE is that of the triangle.
-fn met_triangle(placement: u32, list: u32, index: u32) -> vec2u {
-    let at = scene.placements + placement * PLACEMENT_WORDS + 12u;
-    let place = 3u * (geometry[at + 1u + list] + index);
-    let instance = geometry[at];
-    let own = bitcast<u32>(bvh_triangles[place].w);
-    let triangle = bitcast<u32>(bvh_triangles[place + 1u].w);
-    return vec2u(select(instance, own, instance == NONE), triangle);
+fn meet_triangle(ray: Ray, placement: u32, list: u32, index: u32, t: f32, uv: vec2f) -> Hit {
+    let at = scene.placements + placement * PLACEMENT_WORDS;
+    let place = 3u * (geometry[at + 13u + list] + index);
+    let corner = bvh_triangles[place];
+    let edge1 = bvh_triangles[place + 1u];
+    let edge2 = bvh_triangles[place + 2u];
+    let instance = geometry[at + 12u];
+    let owner = select(instance, bitcast<u32>(corner.w), instance == NONE);
+    let linear = geometry_mat3(at);
+    let local = Ray(linear * ray.origin + geometry_vec3(at + 9u), ray.t_max,
+        linear * ray.direction);
+    let met = intersect_triangle(corner.xyz, edge1.xyz, edge2.xyz, local, ray.t_max);
+    let place_met = select(vec3f(t, uv), met, met.x > 0.0);
+    return Hit(place_met.x, place_met.yz, owner, bitcast<u32>(edge1.w));
 }
 
 // What a ray meets: the nearest hit, or any. Among hits at the same distance the hardware chooses.
@@ -34,10 +42,10 @@ fn walk_scene(ray: Ray, any: bool) -> Hit {
         RayDesc(flags, 0xffu, 0.0, ray.t_max, ray.origin, ray.direction));
     // Only triangles with holes are asked about; each once, or again with the same answer.
     while rayQueryProceed(&query) {
-        let candidate = rayQueryGetCandidateIntersection(&query);
-        let met = met_triangle(candidate.instance_index, candidate.geometry_index,
-            candidate.primitive_index);
-        if stops(ray, met.x, met.y, candidate.barycentrics) {
+        let found = rayQueryGetCandidateIntersection(&query);
+        let hit = meet_triangle(ray, found.instance_index, found.geometry_index,
+            found.primitive_index, found.t, found.barycentrics);
+        if stops(ray, hit.instance, hit.triangle, hit.uv) {
             rayQueryConfirmIntersection(&query);
         }
     }
@@ -45,6 +53,6 @@ fn walk_scene(ray: Ray, any: bool) -> Hit {
     if found.kind == RAY_QUERY_INTERSECTION_NONE {
         return miss;
     }
-    let met = met_triangle(found.instance_index, found.geometry_index, found.primitive_index);
-    return Hit(found.t, found.barycentrics, met.x, met.y);
+    return meet_triangle(ray, found.instance_index, found.geometry_index, found.primitive_index,
+        found.t, found.barycentrics);
 }

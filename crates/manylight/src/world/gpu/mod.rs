@@ -4,10 +4,13 @@
 //! Limits: each of nodes, triangles and geometry fits one binding; textures of at most the device's
 //! largest, packed into pages of one array.
 
+mod binary;
 mod hardware;
 
+pub use binary::BinaryWorld;
+
 use super::World;
-use crate::bvh::gpu::{GpuTree, NODE_WORDS};
+use crate::bvh::gpu::{BinaryNode, GpuTree, NODE_WORDS};
 use crate::error::Error;
 use crate::gpu::{Buf, Constant, Feature, Gpu, HeldBytes, Value, kernel, record};
 use glam::{Affine3A, Mat3, Vec3};
@@ -108,9 +111,17 @@ kernel! {
     uniform params: CastParams, read rays: [f32; 8], write hits: HitRecord
 }
 
+kernel! {
+    /// Which of a list of rays are stopped: origin, t_max, direction and a number that is not used.
+    pub struct CastBinary = "world/cast_binary", [64, 1, 1], scene,
+        [CONSTANTS, crate::bvh::gpu::CONSTANTS];
+    uniform params: CastParams, read rays: [f32; 8], read nodes: BinaryNode,
+    read triangles: [f32; 12], write stopped: u32
+}
+
 /// Every kernel of this room.
 #[cfg(test)]
-pub(crate) const KERNELS: &[&crate::gpu::KernelInfo] = &[&Cast::INFO];
+pub(crate) const KERNELS: &[&crate::gpu::KernelInfo] = &[&Cast::INFO, &CastBinary::INFO];
 
 /// The scene on the device.
 #[derive(Debug)]
