@@ -68,9 +68,12 @@ for turn in 1 2; do
   done
 done
 
-# Shadow rays.
+# Shadow rays: by ray queries where the device has them, by shaders through the eight-wide
+# hierarchy, and in both reports by shaders through a binary one.
 for shot in sponza-atrium country_kitchen-main; do
   step 40 "rays-$shot" bench "$shots/$shot.json" --rays --backend gpu --json
+  step 40 "rays-shaders-$shot" bench "$shots/$shot.json" --rays --backend gpu --json \
+    --set gpu.ray_queries=false
 done
 
 # Pictures of both backends, and the judge.

@@ -1,10 +1,14 @@
 //! Every check in order, cheapest first within its kind; stops at the first that fails.
 
-use std::path::Path;
-use std::process::{Command, ExitCode};
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode, Stdio};
 use std::time::Instant;
 
+use crate::driver::Driver;
 use crate::{SCANS, report};
+
+/// What makes tests that find no graphics device fail.
+const REQUIRE: &str = "MANYLIGHT_REQUIRE_GPU";
 
 /// A cargo command with the reason it is run.
 struct Step {
@@ -13,7 +17,10 @@ struct Step {
     args: &'static [&'static str],
 }
 
-const STEPS: [Step; 6] = [
+/// Which of the steps is run with the driver that `setup` set aside.
+const WITH_DRIVER: &str = "features";
+
+const STEPS: [Step; 7] = [
     Step {
         name: "fmt",
         why: "differences should show thoughts, not blanks",
@@ -32,12 +39,17 @@ const STEPS: [Step; 6] = [
     Step {
         name: "device",
         why: "says which graphics device the tests run on, or why they skip it",
-        args: &["test", "-p", "manylight", "--lib", "says_which_device", "--", "--nocapture"],
+        args: &["test", "--workspace", "--lib", "says_which_device", "--", "--nocapture"],
     },
     Step {
         name: "test",
         why: "unit, integration and documentation tests: the lower rungs of the ladder",
         args: &["test", "--workspace"],
+    },
+    Step {
+        name: WITH_DRIVER,
+        why: "what few drivers offer is tested with one that is set aside",
+        args: &["test", "--workspace", "--lib", "--", "ray_queries", "bindless"],
     },
     Step {
         name: "doc",
@@ -56,7 +68,8 @@ pub(crate) fn run(root: &Path) -> ExitCode {
         println!("== {name}: {why}");
         let step_start = Instant::now();
         let ok = match STEPS.get(i) {
-            Some(step) => cargo(root, step.args),
+            Some(step) if step.name == WITH_DRIVER => with_driver(root, step.args),
+            Some(step) => cargo(root, step.args, &[]),
             None => report(name, SCANS[i - STEPS.len()].2(root)),
         };
         println!("-- {name}: {:.1} s", step_start.elapsed().as_secs_f64());
@@ -70,10 +83,47 @@ pub(crate) fn run(root: &Path) -> ExitCode {
     ExitCode::SUCCESS
 }
 
-fn cargo(root: &Path, args: &[&str]) -> bool {
-    let program = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
-    let mut command = Command::new(program);
-    command.current_dir(root).args(args).env("RUSTDOCFLAGS", "-D warnings");
+/// Runs tests with the driver that was set aside. Without it they are skipped, or fail where tests
+/// of graphics devices are required.
+fn with_driver(root: &Path, args: &[&str]) -> bool {
+    let Some(driver) = Driver::find(root) else {
+        let reason = "no Vulkan driver with ray queries is set aside; `cargo xtask setup` does so \
+                      on Debian";
+        let is_required = std::env::var_os(REQUIRE).is_some_and(|value| !value.is_empty());
+        match is_required {
+            true => eprintln!("{reason}, and {REQUIRE} is set"),
+            false => println!("  skipped: {reason}"),
+        }
+        return !is_required;
+    };
+    let mut environment = driver.environment();
+    environment.push((REQUIRE, "all".into()));
+    // A filter that no name of a test matches would pass.
+    match count_tests(root, args) {
+        Ok(count) => println!("  {count} tests"),
+        Err(problem) => {
+            eprintln!("{problem}");
+            return false;
+        }
+    }
+    cargo(root, args, &environment)
+}
+
+/// How many tests `cargo test` with these arguments runs; an error without any.
+fn count_tests(root: &Path, args: &[&str]) -> Result<usize, String> {
+    let mut command = command(root, args);
+    let output = command.arg("--list").stderr(Stdio::inherit()).output();
+    let output = output.map_err(|problem| format!("cannot start cargo: {problem}"))?;
+    let text = String::from_utf8_lossy(&output.stdout);
+    match text.lines().filter(|line| line.ends_with(": test")).count() {
+        0 => Err(format!("no test is run by cargo {}", args.join(" "))),
+        count => Ok(count),
+    }
+}
+
+fn cargo(root: &Path, args: &[&str], environment: &[(&str, PathBuf)]) -> bool {
+    let mut command = command(root, args);
+    command.envs(environment.iter().map(|(name, value)| (name, value)));
     match command.status() {
         Ok(status) => status.success(),
         Err(problem) => {
@@ -81,4 +131,11 @@ fn cargo(root: &Path, args: &[&str]) -> bool {
             false
         }
     }
+}
+
+fn command(root: &Path, args: &[&str]) -> Command {
+    let program = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+    let mut command = Command::new(program);
+    command.current_dir(root).args(args).env("RUSTDOCFLAGS", "-D warnings");
+    command
 }

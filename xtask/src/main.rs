@@ -8,6 +8,7 @@ mod doors;
 mod cites;
 mod docs;
 mod shaders;
+mod driver;
 mod setup;
 mod ci;
 
@@ -39,7 +40,7 @@ fn main() -> ExitCode {
     let root = root();
     let Some(command) = std::env::args().nth(1) else {
         eprintln!("cargo xtask <command>\n  ci      every check, in order; what .ci/run runs");
-        eprintln!("  setup   installs what the checks need beyond Rust");
+        eprintln!("  setup   installs what the checks need beyond Rust, and sets a driver aside");
         for (name, why, _) in SCANS {
             eprintln!("  {name:<7} {why}");
         }
@@ -47,7 +48,7 @@ fn main() -> ExitCode {
     };
     match command.as_str() {
         "ci" => return ci::run(&root),
-        "setup" => return setup::run(),
+        "setup" => return setup::run(&root),
         _ => {}
     }
     match SCANS.iter().find(|scan| scan.0 == command) {

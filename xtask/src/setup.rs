@@ -1,5 +1,6 @@
 //! What the checks need beyond Rust.
 
+use crate::driver::Driver;
 use std::path::Path;
 use std::process::{Command, ExitCode};
 
@@ -19,8 +20,8 @@ const VALIDATION: &str = "VkLayer_khronos_validation.json";
 const LAYER_PACKAGES: [&str; 1] = ["vulkan-validationlayers"];
 
 /// Installs a software Vulkan driver where there is no Vulkan driver at all, and the layer that
-/// checks what is asked of one.
-pub(crate) fn run() -> ExitCode {
+/// checks what is asked of one; sets a driver aside that offers more.
+pub(crate) fn run(root: &Path) -> ExitCode {
     if has_driver() {
         println!("setup: a Vulkan driver is there");
     } else if !(install(&DRIVER_PACKAGES) && has_driver()) {
@@ -39,6 +40,11 @@ pub(crate) fn run() -> ExitCode {
             "setup: {} could not be installed with apt-get; no test will check calls of Vulkan",
             LAYER_PACKAGES[0]
         );
+    }
+    match Driver::set_aside(root) {
+        Ok(_) => println!("setup: a Vulkan driver with ray queries is set aside"),
+        // One step of the checks needs it, and says so.
+        Err(problem) => eprintln!("setup: no Vulkan driver with ray queries set aside: {problem}"),
     }
     ExitCode::SUCCESS
 }

@@ -149,7 +149,8 @@ pub struct BenchArgs {
     /// Judge the gather against brute force on this many random receivers instead of timing
     #[arg(long, value_name = "RECEIVERS", conflicts_with_all = ["rays", "build"])]
     pub quality: Option<usize>,
-    /// Measure shadow rays per second over random receivers and virtual lights
+    /// Measure shadow rays per second over random receivers and virtual lights; on a graphics
+    /// device also through a binary hierarchy
     #[arg(long, conflicts_with = "build")]
     pub rays: bool,
     /// Write the triangles and rays of --rays to FILE.tri and FILE.ray (little-endian f32)

@@ -6,6 +6,7 @@ use crate::render;
 use crate::{Failure, Outcome, memory, output};
 use manylight::bench::{self, GpuRayBatch, Quality, RayBatch};
 use manylight::frame::Past;
+use manylight::frame::gpu::GpuRenderer;
 use manylight::gather::grid::{DETAIL, LightingGrid};
 use manylight::{Renderer, Settings};
 use serde_json::{Value, json};
@@ -117,30 +118,47 @@ fn rays(
             output::write_bytes(&bytes, &path.with_extension(end))?;
         }
     }
-    let on_device = match engine {
-        Engine::Gpu(engine, _) => Some((engine, GpuRayBatch::new(engine, &batch)?)),
-        Engine::Cpu(_) => None,
+    let (occluded, rate) = match engine {
+        Engine::Cpu(_) => ray_rate(batch.len(), || Ok((batch.trace(renderer), None)))?,
+        Engine::Gpu(engine, _) => {
+            let on_device = GpuRayBatch::new(engine, &batch)?;
+            return device_rays(engine, &on_device, batch.len());
+        }
     };
+    Ok(json!({ "device": engine.names()[1], "rays": batch.len(), "occluded": occluded,
+               "mrays_per_s": rate }))
+}
+
+/// The same rays by way of both hierarchies.
+fn device_rays(engine: &GpuRenderer, rays: &GpuRayBatch, count: usize) -> Result<Value, Failure> {
+    let (occluded, rate) = ray_rate(count, || Ok(rays.trace(engine)?))?;
+    let mut report = json!({ "device": engine.gpu().name(),
+                             "features": engine.gpu().features().names(), "rays": count,
+                             "walk": GpuRayBatch::walk(engine), "occluded": occluded,
+                             "mrays_per_s": rate });
+    if rays.trace_binary(engine)?.is_some() {
+        let (occluded, rate) =
+            ray_rate(count, || Ok(rays.trace_binary(engine)?.unwrap_or_default()))?;
+        report["binary"] = json!({ "occluded": occluded, "mrays_per_s": rate });
+    }
+    Ok(report)
+}
+
+/// How many rays were stopped, and millions of rays per second: the median of some runs, by the
+/// device's clock where it has one.
+fn ray_rate(
+    count: usize,
+    trace: impl Fn() -> Result<(usize, Option<f64>), Failure>,
+) -> Result<(usize, f64), Failure> {
     let mut times = Vec::new();
     let mut occluded = 0;
     for _ in 0..RUNS {
         let start = Instant::now();
-        let device_ms = match &on_device {
-            Some((engine, rays)) => {
-                let (stopped, time_ms) = rays.trace(engine)?;
-                occluded = stopped;
-                time_ms
-            }
-            None => {
-                occluded = batch.trace(renderer);
-                None
-            }
-        };
+        let (stopped, device_ms) = trace()?;
+        occluded = stopped;
         times.push(device_ms.map_or(start.elapsed().as_secs_f64(), |ms| ms * 1e-3));
     }
-    let rate = batch.len() as f64 / median(&mut times) * 1e-6;
-    Ok(json!({ "device": engine.names()[1], "features": engine.features(), "rays": batch.len(),
-               "occluded": occluded, "mrays_per_s": rate }))
+    Ok((occluded, count as f64 / median(&mut times) * 1e-6))
 }
 
 fn build(renderer: &Renderer, settings: &Settings) -> Value {

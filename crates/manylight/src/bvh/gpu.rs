@@ -1,15 +1,16 @@
 //! The hierarchy of the graphics device: eight-wide nodes with boxes in bytes.
 //!
-//! In: boxes · Out: [`GpuTree`] · Paper: `[Ylitie17]`; the binary tree and its conversion by obvhs.
+//! In: boxes · Out: [`GpuTree`], and [`BinaryTree`] to measure it against
+//! Paper: `[Ylitie17]`; the binary tree and its conversion by obvhs.
 //! Limits: at most 32 levels; what a tree by cost would exceed becomes a balanced one.
 
 use super::balanced::build_balanced;
 use super::build::{build_by_cost, is_stacked};
 use super::triangles::EDGE_SLACK;
-use crate::gpu::{Constant, Value};
+use crate::gpu::{Constant, Value, record};
 use glam::Vec3;
 use obvhs::aabb::Aabb;
-use obvhs::bvh2::Bvh2;
+use obvhs::bvh2::{Bvh2, node::Bvh2Node};
 use obvhs::cwbvh::bvh2_to_cwbvh::bvh2_to_cwbvh;
 
 /// Levels that a traversal has room for.
@@ -18,12 +19,17 @@ const STACK: usize = 32;
 const MAX_BINARY_DEPTH: usize = 1024;
 /// Most boxes per leaf: what the node's format has room for.
 const LEAF_SIZE: u32 = 3;
+/// Levels of a binary tree that its traversal has room for.
+const BINARY_STACK: usize = 64;
+/// What a visit of a node of a binary tree costs, in tests of a box in a leaf.
+const BINARY_VISIT: f32 = 1.0;
 /// Words of a node.
 pub const NODE_WORDS: usize = 20;
 
-/// Constants of `traverse.wgsl`.
+/// Constants of `traverse.wgsl` and `traverse_binary.wgsl`.
 pub const CONSTANTS: &[Constant] = &[
     Constant { name: "STACK", value: Value::U32(STACK as u32) },
+    Constant { name: "BINARY_STACK", value: Value::U32(BINARY_STACK as u32) },
     Constant { name: "EDGE_SLACK", value: Value::F32(EDGE_SLACK) },
 ];
 
@@ -42,8 +48,7 @@ impl GpuTree {
     /// Errors: never; without boxes every ray misses
     /// Cost:   O(n log n); about 30 B per box
     pub fn build(boxes: &[[Vec3; 2]]) -> Self {
-        let boxes: Vec<Aabb> =
-            boxes.iter().map(|[low, high]| Aabb::new((*low).into(), (*high).into())).collect();
+        let boxes = bounds(boxes);
         if boxes.is_empty() {
             return Self::default();
         }
@@ -52,6 +57,60 @@ impl GpuTree {
         let balanced = || wide(&build_balanced(&boxes, 1)).expect("a balanced tree is shallow");
         tree.unwrap_or_else(balanced)
     }
+}
+
+record! {
+    /// A node of a binary hierarchy.
+    pub struct BinaryNode {
+        /// Least corner of its box.
+        pub low: [f32; 3],
+        /// The first of its two children, or the first place of a leaf.
+        pub first: u32,
+        /// Greatest corner of its box.
+        pub high: [f32; 3],
+        /// Places of a leaf; zero where it has children.
+        pub count: u32,
+    }
+}
+
+/// A binary hierarchy ready for the device.
+#[derive(Clone, Debug, Default)]
+pub struct BinaryTree {
+    /// Nodes, the root first; empty without boxes.
+    pub nodes: Vec<BinaryNode>,
+    /// Leaf order → position in the builder's list.
+    pub order: Vec<u32>,
+}
+
+impl BinaryTree {
+    /// Builds the hierarchy of boxes, given by their least and greatest corners.
+    ///
+    /// Errors: never; without boxes there is no node
+    /// Cost:   O(n log n); about 70 B per box
+    pub fn build(boxes: &[[Vec3; 2]]) -> Self {
+        let boxes = bounds(boxes);
+        if boxes.is_empty() {
+            return Self::default();
+        }
+        let by_cost = (!is_stacked(&boxes)).then(|| {
+            let mut tree = build_by_cost(&boxes);
+            obvhs::bvh2::leaf_collapser::collapse(&mut tree, LEAF_SIZE, BINARY_VISIT);
+            tree
+        });
+        let shallow = by_cost.filter(|tree| depth(tree) <= BINARY_STACK);
+        let tree = shallow.unwrap_or_else(|| build_balanced(&boxes, 1));
+        let record = |node: &Bvh2Node| BinaryNode {
+            low: node.aabb.min.to_array(),
+            first: node.first_index,
+            high: node.aabb.max.to_array(),
+            count: node.prim_count,
+        };
+        Self { nodes: tree.nodes.iter().map(record).collect(), order: tree.primitive_indices }
+    }
+}
+
+fn bounds(boxes: &[[Vec3; 2]]) -> Vec<Aabb> {
+    boxes.iter().map(|[low, high]| Aabb::new((*low).into(), (*high).into())).collect()
 }
 
 /// The wide tree of a binary one; none if it has too many levels.

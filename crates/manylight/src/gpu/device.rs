@@ -4,7 +4,7 @@ use super::buffer::{Account, HeldBytes};
 use super::recorder::{Arena, Recorder};
 #[cfg(debug_assertions)]
 use super::reload::Reload;
-use super::{Buf, Features, KernelInfo, Record, SHADERS, link};
+use super::{Buf, Feature, Features, KernelInfo, Record, SHADERS, link};
 use crate::error::Error;
 use crate::settings::GpuSettings;
 use std::collections::HashMap;
@@ -109,7 +109,7 @@ fn describe(adapter: &wgpu::Adapter) -> AdapterDescription {
         max_buffer: limits.max_buffer_size,
         workgroup_memory: limits.max_compute_workgroup_storage_size,
         timestamps: features.contains(wgpu::Features::TIMESTAMP_QUERY),
-        features: Features::ALL.offered_by(features),
+        features: Features::ALL.offered_by(features, &limits),
         lacks: (!lacks.is_empty()).then(|| lacks.join(", ")),
     }
 }
@@ -132,6 +132,36 @@ fn rank(adapter: &AdapterDescription) -> u32 {
         "other" => 3,
         _ => 4,
     }
+}
+
+/// What an adapter is asked for.
+fn device_descriptor(
+    adapter: &wgpu::Adapter,
+    options: &GpuOptions,
+) -> wgpu::DeviceDescriptor<'static> {
+    let mut asked = wgpu::DeviceDescriptor {
+        label: Some("manylight"),
+        required_limits: wgpu::Limits::defaults(),
+        ..Default::default()
+    };
+    if options.base {
+        return asked;
+    }
+    let most = adapter.limits();
+    let features = options.features.offered_by(adapter.features(), &most);
+    let limits = &mut asked.required_limits;
+    limits.max_storage_buffer_binding_size = most.max_storage_buffer_binding_size;
+    limits.max_buffer_size = most.max_buffer_size;
+    asked.required_features = adapter.features() & wgpu::Features::TIMESTAMP_QUERY;
+    asked.required_features |= features.wgpu();
+    if features.has(Feature::RayQueries) {
+        asked.required_limits = asked.required_limits.using_acceleration_structure_values(most);
+        // SAFETY: acceleration structures are built once, from triangles and instances that stay
+        // within their buffers and are finite, and are bound only after that; rays that a shader
+        // asks for have a finite origin and direction and an end.
+        asked.experimental_features = unsafe { wgpu::ExperimentalFeatures::enabled() };
+    }
+    asked
 }
 
 impl Gpu {
@@ -164,20 +194,8 @@ impl Gpu {
             let problem = format!("{} lacks {lacks}; render with --backend cpu", description.name);
             return Err(device(problem));
         }
-        let (mut limits, mut features) = (wgpu::Limits::defaults(), wgpu::Features::empty());
-        if !options.base {
-            let most = adapter.limits();
-            limits.max_storage_buffer_binding_size = most.max_storage_buffer_binding_size;
-            limits.max_buffer_size = most.max_buffer_size;
-            features = adapter.features() & wgpu::Features::TIMESTAMP_QUERY;
-            features |= options.features.offered_by(adapter.features()).wgpu();
-        }
-        let opened = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
-            label: Some("manylight"),
-            required_features: features,
-            required_limits: limits,
-            ..Default::default()
-        }));
+        let opened =
+            pollster::block_on(adapter.request_device(&device_descriptor(&adapter, options)));
         let (raw, queue) =
             opened.map_err(|e| device(format!("{} does not open: {e}", description.name)))?;
         let name = format!("{}, {}", description.name, description.driver);
@@ -187,7 +205,8 @@ impl Gpu {
     }
 
     /// Takes a device that someone else opened. What goes wrong on it is told by the functions that
-    /// did it; the device's own handlers are left alone.
+    /// did it; the device's own handlers are left alone. Of [`Features`] those are used that it was
+    /// opened with; ray queries also need limits for acceleration structures.
     ///
     /// Errors: less than `wgpu::Limits::defaults()`
     pub fn from_device(
@@ -200,12 +219,13 @@ impl Gpu {
             let problem = format!("{name} was opened with too little: {}", lacks.join(", "));
             return Err(Error::Device { problem });
         }
+        let features = Features::ALL.offered_by(device.features(), &device.limits());
         let scene_layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("scene"),
-            entries: &scene_entries(),
+            entries: &scene_entries(features),
         });
         Ok(Self {
-            features: Features::ALL.offered_by(device.features()),
+            features,
             device,
             queue,
             name,
@@ -493,8 +513,9 @@ impl Gpu {
     }
 }
 
-/// Group 1 of kernels that trace rays: uniform, nodes, triangles, geometry, sources, textures.
-fn scene_entries() -> [wgpu::BindGroupLayoutEntry; 6] {
+/// Group 1 of kernels that trace rays: uniform, nodes, triangles, geometry, sources, textures, and
+/// the hierarchy of the hardware where it follows rays.
+fn scene_entries(features: Features) -> Vec<wgpu::BindGroupLayoutEntry> {
     let entry = |binding, ty| wgpu::BindGroupLayoutEntry {
         binding,
         visibility: wgpu::ShaderStages::COMPUTE,
@@ -509,14 +530,19 @@ fn scene_entries() -> [wgpu::BindGroupLayoutEntry; 6] {
         view_dimension: wgpu::TextureViewDimension::D2Array,
         multisampled: false,
     };
-    [
+    let mut entries = vec![
         entry(0, buffer(wgpu::BufferBindingType::Uniform)),
         entry(1, list()),
         entry(2, list()),
         entry(3, list()),
         entry(4, list()),
         entry(5, textures),
-    ]
+    ];
+    if features.has(Feature::RayQueries) {
+        let tree = wgpu::BindingType::AccelerationStructure { vertex_return: false };
+        entries.push(entry(6, tree));
+    }
+    entries
 }
 
 fn device(problem: String) -> Error {

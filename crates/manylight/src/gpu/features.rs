@@ -41,6 +41,20 @@ impl Feature {
             }
         }
     }
+
+    /// Whether limits leave room for it: an engine's device may have it and no use for it.
+    fn has_room(self, limits: &wgpu::Limits) -> bool {
+        match self {
+            // Opaque triangles and others in each hierarchy, below one.
+            Self::RayQueries => {
+                limits.max_blas_geometry_count >= 2
+                    && limits.max_blas_primitive_count > 0
+                    && limits.max_tlas_instance_count > 0
+                    && limits.max_acceleration_structures_per_shader_stage > 0
+            }
+            Self::Subgroups | Self::Half | Self::Bindless => true,
+        }
+    }
 }
 
 /// A choice of features.
@@ -72,9 +86,9 @@ impl Features {
         Feature::ALL.into_iter().filter(|&f| self.has(f)).map(Feature::name).collect()
     }
 
-    /// Those among them that a device offers.
-    pub fn offered_by(self, offered: wgpu::Features) -> Self {
-        let has = |f: Feature| self.has(f) && offered.contains(f.wgpu());
+    /// Those among them that a device offers, with limits that leave room for them.
+    pub fn offered_by(self, offered: wgpu::Features, limits: &wgpu::Limits) -> Self {
+        let has = |f: Feature| self.has(f) && offered.contains(f.wgpu()) && f.has_room(limits);
         Self { chosen: Feature::ALL.map(has) }
     }
 

@@ -25,6 +25,7 @@ const VARIANTS: &[Variant] = &[
         "gather/grid/gpu/build/join_extent",
         "gather/grid/gpu/build/join_extent_subgroups",
     ),
+    variant(Feature::RayQueries, "world/walk", "world/walk_query"),
     variant(Feature::Half, "filter/kept", "filter/kept_half"),
 ];
 
@@ -47,10 +48,15 @@ const FILES: &[(&str, &str)] = shaders![
     "math/warp",
     "math/color",
     "bvh/traverse",
+    "bvh/traverse_binary",
     "world/scene",
     "world/texture",
+    "world/alpha",
+    "world/walk",
+    "world/walk_query",
     "world/rays",
     "world/cast",
+    "world/cast_binary",
     "surface/octahedral",
     "surface/view",
     "surface/load",

@@ -1,6 +1,6 @@
 use super::scan::Scan;
 use super::testing::{device, device_with};
-use super::{Arrival, Feature, Gpu, Memory, Pool};
+use super::{Arrival, Feature, Features, Gpu, Memory, Pool};
 use crate::math::hash_u32;
 
 #[test]
@@ -211,4 +211,21 @@ fn shaders_change_while_the_program_runs() {
     // Where a file is gone, the one that was compiled in stands for it.
     std::fs::remove_file(shaders.0.join("gpu/scan_blocks.wgsl")).expect("removed");
     assert_eq!(sums(), [0, 5, 12]);
+}
+
+#[test]
+fn ray_queries_need_limits_that_leave_room() {
+    let (offered, limits) = (wgpu::Features::all(), wgpu::Limits::defaults());
+    let features = Features::ALL.offered_by(offered, &limits);
+    assert!(!features.has(Feature::RayQueries) && features.has(Feature::Subgroups));
+    let limits = limits.using_minimum_supported_acceleration_structure_values();
+    assert!(Features::ALL.offered_by(offered, &limits).has(Feature::RayQueries));
+}
+
+#[test]
+fn ray_queries_are_taken_from_someone_elses_device() {
+    let Some(opened) = device_with(Feature::RayQueries) else { return };
+    let (raw, queue) = (opened.device().clone(), opened.queue().clone());
+    let gpu = Gpu::from_device(raw, queue, "theirs".to_owned()).expect("device");
+    assert!(gpu.features().has(Feature::RayQueries));
 }

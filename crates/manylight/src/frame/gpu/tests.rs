@@ -77,8 +77,14 @@ impl Both {
 
     /// The pictures of device and processor look the same.
     fn check_picture(&mut self, name: &str, size: [usize; 2], settings: &Settings) -> f64 {
-        let expected = raster(&self.on_processor(size, settings));
-        let found = raster(&self.on_device(size, settings));
+        let found = self.on_device(size, settings);
+        self.check_layers(name, settings, &found)
+    }
+
+    /// A picture of the device looks as that of the processor.
+    fn check_layers(&self, name: &str, settings: &Settings, found: &Layers) -> f64 {
+        let expected = raster(&self.on_processor([found.width, found.height], settings));
+        let found = raster(found);
         let errors = manylight_image::compare(&found, &expected).expect("pictures of one size");
         assert_eq!(errors.nonfinite_count, 0, "{name}");
         assert!(expected.data.iter().any(|v| *v > 0.0), "{name} is black");
@@ -259,6 +265,20 @@ fn halves_change_a_picture_little_and_repeat_themselves() {
         println!("{name}: {errors:?}");
         assert_eq!(errors.nonfinite_count, 0, "{name}");
         assert!(errors.flip_mean <= 1e-3 && errors.energy_bias.abs() <= 1e-3, "{name}: {errors:?}");
+    }
+}
+
+#[test]
+fn ray_queries_render_the_same_pictures_and_the_same_bits() {
+    let Some(mut gpu) = device_with(Feature::RayQueries) else { return };
+    let settings = few("balanced");
+    for name in ["cornell", "atrium"] {
+        gpu = with_scene(gpu, builtin(name), |both| {
+            let [a, b] = [(); 2].map(|()| both.on_device(SIZE, &settings));
+            let flip = both.check_layers(name, &settings, &a);
+            println!("{name}: FLIP {flip:.5} with ray queries");
+            assert!(bits(&a) == bits(&b), "{name}: two runs");
+        });
     }
 }
 

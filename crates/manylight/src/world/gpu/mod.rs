@@ -4,11 +4,17 @@
 //! Limits: each of nodes, triangles and geometry fits one binding; textures of at most the device's
 //! largest, packed into pages of one array.
 
+mod binary;
+mod hardware;
+
+pub use binary::BinaryWorld;
+
 use super::World;
-use crate::bvh::gpu::{GpuTree, NODE_WORDS};
+use crate::bvh::gpu::{BinaryNode, GpuTree, NODE_WORDS};
 use crate::error::Error;
-use crate::gpu::{Buf, Constant, Gpu, HeldBytes, Value, kernel, record};
-use glam::{Mat3, Vec3};
+use crate::gpu::{Buf, Constant, Feature, Gpu, HeldBytes, Value, kernel, record};
+use glam::{Affine3A, Mat3, Vec3};
+use hardware::HardwareTree;
 use manylight_scene::{AlphaMode, Material, Mesh, TextureImage, TextureSlot, Wrap};
 
 const INSTANCE_WORDS: usize = 23;
@@ -30,7 +36,7 @@ const PAGE: u32 = 2048;
 /// Name of the list of sources.
 const SOURCES: &str = "light sources";
 
-/// Constants of `scene.wgsl`, `texture.wgsl` and `rays.wgsl`.
+/// Constants of `scene.wgsl`, `texture.wgsl`, `alpha.wgsl` and `walk.wgsl`.
 pub const CONSTANTS: &[Constant] = &[
     Constant { name: "INSTANCE_WORDS", value: Value::U32(INSTANCE_WORDS as u32) },
     Constant { name: "MESH_WORDS", value: Value::U32(MESH_WORDS as u32) },
@@ -105,9 +111,17 @@ kernel! {
     uniform params: CastParams, read rays: [f32; 8], write hits: HitRecord
 }
 
+kernel! {
+    /// Which of a list of rays are stopped: origin, t_max, direction and a number that is not used.
+    pub struct CastBinary = "world/cast_binary", [64, 1, 1], scene,
+        [CONSTANTS, crate::bvh::gpu::CONSTANTS];
+    uniform params: CastParams, read rays: [f32; 8], read nodes: BinaryNode,
+    read triangles: [f32; 12], write stopped: u32
+}
+
 /// Every kernel of this room.
 #[cfg(test)]
-pub(crate) const KERNELS: &[&crate::gpu::KernelInfo] = &[&Cast::INFO];
+pub(crate) const KERNELS: &[&crate::gpu::KernelInfo] = &[&Cast::INFO, &CastBinary::INFO];
 
 /// The scene on the device.
 #[derive(Debug)]
@@ -126,6 +140,8 @@ struct Lists {
     sources: Buf<u32>,
     textures: wgpu::TextureView,
     _texture_bytes: HeldBytes,
+    /// Where the hardware follows rays.
+    tree: Option<HardwareTree>,
 }
 
 /// Everything that is copied to the device.
@@ -146,7 +162,13 @@ impl GpuWorld {
         let atlas = Atlas::pack(gpu, &world.scene.images)?;
         let mut packed = Packed::default();
         packed.add_tables(world, &atlas.places);
-        packed.add_hierarchies(world);
+        let tree = if gpu.features().has(Feature::RayQueries) {
+            let parts = packed.add_parts(world);
+            Some(HardwareTree::build(gpu, &parts)?)
+        } else {
+            packed.add_hierarchies(world);
+            None
+        };
         let (textures, _texture_bytes) = atlas.upload(gpu, &world.scene.images);
         let lists = Lists {
             info: gpu.upload("scene", &[packed.info])?,
@@ -156,6 +178,7 @@ impl GpuWorld {
             sources: gpu.upload(SOURCES, sources)?,
             textures,
             _texture_bytes,
+            tree,
         };
         Ok(Self { group: lists.group(gpu), lists })
     }
@@ -177,7 +200,7 @@ impl GpuWorld {
 
 impl Lists {
     fn group(&self, gpu: &Gpu) -> wgpu::BindGroup {
-        let bindings = [
+        let mut bindings = vec![
             self.info.raw().as_entire_binding(),
             self.nodes.raw().as_entire_binding(),
             self.triangles.raw().as_entire_binding(),
@@ -185,6 +208,7 @@ impl Lists {
             self.sources.raw().as_entire_binding(),
             wgpu::BindingResource::TextureView(&self.textures),
         ];
+        bindings.extend(self.tree.as_ref().map(HardwareTree::binding));
         let entries = bindings.into_iter().enumerate();
         let entries: Vec<_> = entries
             .map(|(i, resource)| wgpu::BindGroupEntry { binding: i as u32, resource })
@@ -286,32 +310,16 @@ impl Packed {
 
     /// The hierarchies: of copied triangles, of each shared mesh, of the boxes of its instances.
     fn add_hierarchies(&mut self, world: &World) {
-        let flat = world.flat_triangles.iter();
-        let corners: Vec<_> = flat.map(|&[i, t]| (world.corners(i, t), [i, t])).collect();
+        let corners = world.flat_corners();
         self.info.flat_count = corners.len() as u32;
-        let is_opaque = |instance| !world.has_holes[world.mesh_of(instance).material as usize];
-        self.add_tree(&corners, |[instance, _]| is_opaque(instance));
-        let roots: Vec<[u32; 2]> = world
-            .shared
-            .iter()
-            .map(|shared| {
-                let mesh = &world.scene.meshes[shared.mesh];
-                let opaque = !world.has_holes[mesh.material as usize];
-                let corners = |&t: &u32| {
-                    (mesh.triangles[t as usize].map(|v| mesh.positions[v as usize]), [NONE, t])
-                };
-                let corners: Vec<_> = shared.triangles.iter().map(corners).collect();
-                self.add_tree(&corners, |_| opaque)
-            })
-            .collect();
+        self.add_tree(&corners);
+        let shared = (0..world.shared.len()).map(|i| self.add_tree(&world.shared_corners(i)));
+        let roots: Vec<[u32; 2]> = shared.collect();
         self.info.placement_count = world.placements.len() as u32;
         self.info.placements = self.geometry.len() as u32;
         for placement in &world.placements {
-            let map = &placement.object_from_world;
-            self.geometry.extend(matrix_bits(map.matrix3.into()));
-            self.geometry.extend(bits(map.translation.to_array()));
-            self.geometry.push(placement.instance);
-            self.geometry.extend(roots[placement.shared as usize]);
+            let words = roots[placement.shared as usize];
+            self.add_placement(&placement.object_from_world, placement.instance, words);
         }
         let boxes: Vec<_> = world.placements.iter().map(|p| p.bounds).collect();
         let tree = GpuTree::build(&boxes);
@@ -321,30 +329,71 @@ impl Packed {
         self.geometry.extend(tree.order);
     }
 
-    /// Adds a hierarchy of triangles with their instance and position in the mesh; its root and its
-    /// first triangle.
-    fn add_tree(
-        &mut self,
-        triangles: &[([Vec3; 3], [u32; 2])],
-        is_opaque: impl Fn([u32; 2]) -> bool,
-    ) -> [u32; 2] {
+    fn add_placement(&mut self, object_from_world: &Affine3A, instance: u32, words: [u32; 2]) {
+        self.geometry.extend(matrix_bits(object_from_world.matrix3.into()));
+        self.geometry.extend(bits(object_from_world.translation.to_array()));
+        self.geometry.push(instance);
+        self.geometry.extend(words);
+    }
+
+    /// Adds a hierarchy of triangles; its root and its first triangle.
+    fn add_tree(&mut self, triangles: &[Placed]) -> [u32; 2] {
         let boxes: Vec<[Vec3; 2]> =
-            triangles.iter().map(|t| super::bounds_of(t.0.into_iter())).collect();
+            triangles.iter().map(|t| super::bounds_of(t.corners.into_iter())).collect();
         let tree = GpuTree::build(&boxes);
         let first = [self.nodes.len() as u32, self.triangles.len() as u32];
         self.nodes.extend(tree.nodes);
-        self.triangles.extend(tree.order.iter().map(|&i| {
-            let ([a, b, c], id) = triangles[i as usize];
-            let (e1, e2) = (b - a, c - a);
-            let ids = [id[0], id[1], i << 1 | u32::from(is_opaque(id))].map(f32::from_bits);
-            let [x, y, z] = [a.extend(ids[0]), e1.extend(ids[1]), e2.extend(ids[2])];
-            let mut words = [0.0; 12];
-            for (row, v) in words.chunks_exact_mut(4).zip([x, y, z]) {
-                row.copy_from_slice(&v.to_array());
-            }
-            words
-        }));
+        self.triangles.extend(tree.order.iter().map(|&i| triangles[i as usize].words(i)));
         first
+    }
+}
+
+/// A triangle of a hierarchy.
+#[derive(Clone, Copy, Debug)]
+struct Placed {
+    corners: [Vec3; 3],
+    /// `NONE` in meshes that are shared.
+    instance: u32,
+    /// Position in its mesh.
+    triangle: u32,
+    opaque: bool,
+}
+
+impl Placed {
+    /// As the shaders know it, at a place in the builder's list.
+    fn words(&self, place: u32) -> [f32; 12] {
+        let [a, b, c] = self.corners;
+        let ids = [self.instance, self.triangle, place << 1 | u32::from(self.opaque)];
+        let mut words = [0.0; 12];
+        for ((row, v), id) in words.chunks_exact_mut(4).zip([a, b - a, c - a]).zip(ids) {
+            row.copy_from_slice(&v.extend(f32::from_bits(id)).to_array());
+        }
+        words
+    }
+}
+
+impl World {
+    /// Triangles that are copied, in the world.
+    fn flat_corners(&self) -> Vec<Placed> {
+        let placed = |&[instance, triangle]: &[u32; 2]| Placed {
+            corners: self.corners(instance, triangle),
+            instance,
+            triangle,
+            opaque: !self.has_holes[self.mesh_of(instance).material as usize],
+        };
+        self.flat_triangles.iter().map(placed).collect()
+    }
+
+    /// Triangles of a mesh that is shared, in its space.
+    fn shared_corners(&self, shared: usize) -> Vec<Placed> {
+        let mesh = &self.scene.meshes[self.shared[shared].mesh];
+        let placed = |&triangle: &u32| Placed {
+            corners: mesh.triangles[triangle as usize].map(|v| mesh.positions[v as usize]),
+            instance: NONE,
+            triangle,
+            opaque: !self.has_holes[mesh.material as usize],
+        };
+        self.shared[shared].triangles.iter().map(placed).collect()
     }
 }
 
