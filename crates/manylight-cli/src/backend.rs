@@ -114,6 +114,14 @@ impl Engine {
         }
     }
 
+    /// Bytes of each list of the scene on a graphics device.
+    pub fn scene_bytes(&self) -> Vec<(&'static str, u64)> {
+        match self {
+            Self::Cpu(_) => Vec::new(),
+            Self::Gpu(engine, _) => engine.scene_bytes().into(),
+        }
+    }
+
     /// World and emitters.
     pub fn renderer(&self) -> &Renderer {
         match self {

@@ -190,6 +190,9 @@ fn frames(
     if let Some(bytes) = engine.device_bytes() {
         report.insert("device_memory_mib".to_owned(), json!(bytes >> 20));
     }
+    for (name, bytes) in engine.scene_bytes() {
+        report.insert(format!("{name}_bytes"), json!(bytes));
+    }
     Ok(Value::Object(report))
 }
 

@@ -2,12 +2,20 @@
 
 use super::buffer::HeldBytes;
 use super::recorder::{Arena, Recorder};
-use super::{Buf, Features, KernelInfo, Record, SHADERS, link};
+use super::{Buf, Feature, Features, KernelInfo, Record, SHADERS, link};
 use crate::error::Error;
 use crate::settings::GpuSettings;
 use std::collections::HashMap;
+use std::num::NonZeroU32;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
+
+/// Most textures that are bound one by one.
+const MOST_TEXTURES: u32 = 1024;
+/// What a device must bind one by one, or else pages of an array are used: as many as layers.
+const LEAST_TEXTURES: u32 = 256;
+/// Lists of a kernel where textures are bound one by one: the scene's uniform becomes one.
+const LISTS_BESIDE_TEXTURES: u32 = 9;
 
 /// How to open a device.
 #[derive(Clone, Debug, Default)]
@@ -168,8 +176,15 @@ impl Gpu {
             let most = adapter.limits();
             limits.max_storage_buffer_binding_size = most.max_storage_buffer_binding_size;
             limits.max_buffer_size = most.max_buffer_size;
+            limits.max_texture_dimension_2d = most.max_texture_dimension_2d;
             features = adapter.features() & wgpu::Features::TIMESTAMP_QUERY;
-            features |= options.features.offered_by(adapter.features()).wgpu();
+            let used = usable(options.features, adapter.features(), &most);
+            if used.has(Feature::Bindless) {
+                let textures = most.max_binding_array_elements_per_shader_stage;
+                limits.max_binding_array_elements_per_shader_stage = textures.min(MOST_TEXTURES);
+                limits.max_storage_buffers_per_shader_stage = LISTS_BESIDE_TEXTURES;
+            }
+            features |= used.wgpu();
         }
         let opened = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
             label: Some("manylight"),
@@ -199,12 +214,13 @@ impl Gpu {
             let problem = format!("{name} was opened with too little: {}", lacks.join(", "));
             return Err(Error::Device { problem });
         }
+        let features = usable(Features::ALL, device.features(), &device.limits());
         let scene_layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("scene"),
-            entries: &scene_entries(),
+            entries: &scene_entries(most_textures(features, &device.limits())),
         });
         Ok(Self {
-            features: Features::ALL.offered_by(device.features()),
+            features,
             device,
             queue,
             name,
@@ -253,6 +269,11 @@ impl Gpu {
     /// What kernels make use of beyond what every device has.
     pub fn features(&self) -> Features {
         self.features
+    }
+
+    /// How many textures the scene may bind one by one; `None` where it binds an array of pages.
+    pub fn most_textures(&self) -> Option<u32> {
+        most_textures(self.features, &self.device.limits()).map(NonZeroU32::get)
     }
 
     /// Bytes of all buffers that are held at present.
@@ -474,8 +495,26 @@ impl Gpu {
     }
 }
 
-/// Group 1 of kernels that trace rays: uniform, nodes, triangles, geometry, sources, textures.
-fn scene_entries() -> [wgpu::BindGroupLayoutEntry; 6] {
+/// What can be used of some features, by what a device offers and allows.
+fn usable(features: Features, offered: wgpu::Features, limits: &wgpu::Limits) -> Features {
+    let textures = limits.max_binding_array_elements_per_shader_stage;
+    let lists = limits.max_storage_buffers_per_shader_stage;
+    let features = features.offered_by(offered);
+    match textures >= LEAST_TEXTURES && lists >= LISTS_BESIDE_TEXTURES {
+        true => features,
+        false => features.without(Feature::Bindless),
+    }
+}
+
+/// How many textures are bound one by one, if any.
+fn most_textures(features: Features, limits: &wgpu::Limits) -> Option<NonZeroU32> {
+    let most = limits.max_binding_array_elements_per_shader_stage.min(MOST_TEXTURES);
+    NonZeroU32::new(most).filter(|_| features.has(Feature::Bindless))
+}
+
+/// Group 1 of kernels that trace rays: info, nodes, triangles, geometry, sources, textures, and
+/// the map of the sky. Beside textures that are bound one by one no uniform may stand.
+fn scene_entries(most_textures: Option<NonZeroU32>) -> Vec<wgpu::BindGroupLayoutEntry> {
     let entry = |binding, ty| wgpu::BindGroupLayoutEntry {
         binding,
         visibility: wgpu::ShaderStages::COMPUTE,
@@ -485,18 +524,29 @@ fn scene_entries() -> [wgpu::BindGroupLayoutEntry; 6] {
     let buffer =
         |ty| wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None };
     let list = || buffer(wgpu::BufferBindingType::Storage { read_only: true });
-    let textures = wgpu::BindingType::Texture {
+    let texture = |view_dimension| wgpu::BindingType::Texture {
         sample_type: wgpu::TextureSampleType::Uint,
-        view_dimension: wgpu::TextureViewDimension::D2Array,
+        view_dimension,
         multisampled: false,
     };
-    [
-        entry(0, buffer(wgpu::BufferBindingType::Uniform)),
+    let (info, textures) = match most_textures {
+        None => {
+            let pages = entry(5, texture(wgpu::TextureViewDimension::D2Array));
+            (buffer(wgpu::BufferBindingType::Uniform), pages)
+        }
+        count => {
+            let each = entry(5, texture(wgpu::TextureViewDimension::D2));
+            (list(), wgpu::BindGroupLayoutEntry { count, ..each })
+        }
+    };
+    vec![
+        entry(0, info),
         entry(1, list()),
         entry(2, list()),
         entry(3, list()),
         entry(4, list()),
-        entry(5, textures),
+        textures,
+        entry(7, texture(wgpu::TextureViewDimension::D2)),
     ]
 }
 

@@ -28,6 +28,7 @@ impl Feature {
             Self::Bindless => {
                 wgpu::Features::TEXTURE_BINDING_ARRAY
                     | wgpu::Features::SAMPLED_TEXTURE_AND_STORAGE_BUFFER_ARRAY_NON_UNIFORM_INDEXING
+                    | wgpu::Features::PARTIALLY_BOUND_BINDING_ARRAY
             }
         }
     }
@@ -50,6 +51,12 @@ impl Features {
         let mut features = Self::NONE;
         features.chosen[feature as usize] = true;
         features
+    }
+
+    /// All but one.
+    pub fn without(mut self, feature: Feature) -> Self {
+        self.chosen[feature as usize] = false;
+        self
     }
 
     /// Whether one is among them.

@@ -1,6 +1,6 @@
 //! The text of every shader.
 
-use super::{Sources, Variant};
+use super::{Feature, Sources, Variant};
 
 macro_rules! shaders {
     ($($path:literal),* $(,)?) => {
@@ -12,7 +12,8 @@ macro_rules! shaders {
 pub const SHADERS: Sources<'_> = Sources { files: FILES, variants: VARIANTS };
 
 /// Files for devices that offer more.
-const VARIANTS: &[Variant] = &[];
+const VARIANTS: &[Variant] =
+    &[Variant { feature: Feature::Bindless, of: "world/bound", by: "world/bound_bindless" }];
 
 /// Path below `src`, without extension, and text.
 const FILES: &[(&str, &str)] = shaders![
@@ -23,10 +24,13 @@ const FILES: &[(&str, &str)] = shaders![
     "math/warp",
     "math/color",
     "bvh/traverse",
+    "world/bound",
+    "world/bound_bindless",
     "world/scene",
     "world/texture",
     "world/rays",
     "world/cast",
+    "world/probe",
     "surface/octahedral",
     "surface/view",
     "surface/load",

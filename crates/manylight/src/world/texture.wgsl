@@ -1,7 +1,7 @@
 // Reading textures: wrapping, filtering, decoding; twin of texture.rs.
 import package::world::scene;
 
-// Words of a slot: image (layer, x, y, width, height), wraps of u and v, linear filter, set of
+// Words of a slot: image (page, x, y, width, height), wraps of u and v, linear filter, set of
 // coordinates, and the 2 × 3 map of coordinates (columns).
 
 // A code value of sRGB → linear.
@@ -50,7 +50,7 @@ fn texel_at(slot: u32, x: i32, y: i32, srgb: bool) -> vec4f {
     let column = wrap_texel(x, geometry[slot + 5u], geometry[slot + 3u]);
     let row = wrap_texel(y, geometry[slot + 6u], geometry[slot + 4u]);
     let at = vec2u(geometry[slot + 1u] + column, geometry[slot + 2u] + row);
-    return decode(textureLoad(textures, at, geometry[slot], 0), srgb);
+    return decode(load_texel(geometry[slot], at), srgb);
 }
 
 // A slot's value at texture coordinates in 0…1, colors decoded before they are filtered.

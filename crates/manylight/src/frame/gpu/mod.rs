@@ -106,6 +106,12 @@ impl GpuRenderer {
         self.scene.group()
     }
 
+    /// Bytes of the scene on the device, by list: hierarchy, triangles, other geometry, sources,
+    /// textures, map of the sky.
+    pub fn scene_bytes(&self) -> [(&'static str, u64); 6] {
+        self.scene.bytes()
+    }
+
     /// World and emitters.
     pub fn renderer(&self) -> &Renderer {
         &self.renderer

@@ -3,6 +3,7 @@ use crate::bvh::Ray;
 use crate::gpu::testing::{check_kernel, device};
 use crate::math::{Sequence, uniform_sphere};
 use crate::world::World;
+use manylight_scene::TextureImage;
 
 #[test]
 fn kernels_match_their_shaders() {
@@ -24,7 +25,7 @@ fn rays(world: &World, count: u32) -> Vec<Ray> {
 }
 
 fn cast(gpu: &Gpu, world: &World, rays: &[Ray], any: bool) -> Vec<HitRecord> {
-    let scene = GpuWorld::new(gpu, world, &[0]).expect("world");
+    let scene = GpuWorld::new(gpu, world, &SourceLists::default()).expect("world");
     let record = |r: &Ray| {
         let [a, b] = [r.origin.extend(r.t_max), r.direction.extend(0.0)].map(|v| v.to_array());
         [a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3]]
