@@ -182,7 +182,8 @@ impl Gpu {
             if used.has(Feature::Bindless) {
                 let textures = most.max_binding_array_elements_per_shader_stage;
                 limits.max_binding_array_elements_per_shader_stage = textures.min(MOST_TEXTURES);
-                limits.max_storage_buffers_per_shader_stage = LISTS_BESIDE_TEXTURES;
+                let lists = limits.max_storage_buffers_per_shader_stage;
+                limits.max_storage_buffers_per_shader_stage = lists.max(LISTS_BESIDE_TEXTURES);
             }
             features |= used.wgpu();
         }
@@ -195,13 +196,13 @@ impl Gpu {
         let (raw, queue) =
             opened.map_err(|e| device(format!("{} does not open: {e}", description.name)))?;
         let name = format!("{}, {}", description.name, description.driver);
-        let gpu = Self::from_device(raw, queue, name)?;
+        let gpu = Self::with_features(raw, queue, name, options.features)?;
         gpu.listen();
         Ok(gpu)
     }
 
     /// Takes a device that someone else opened. What goes wrong on it is told by the functions that
-    /// did it; the device's own handlers are left alone.
+    /// did it; the device's own handlers are left alone. Textures are not bound one by one.
     ///
     /// Errors: less than `wgpu::Limits::defaults()`
     pub fn from_device(
@@ -209,12 +210,21 @@ impl Gpu {
         queue: wgpu::Queue,
         name: String,
     ) -> Result<Self, Error> {
+        Self::with_features(device, queue, name, Features::ALL.without(Feature::Bindless))
+    }
+
+    fn with_features(
+        device: wgpu::Device,
+        queue: wgpu::Queue,
+        name: String,
+        wanted: Features,
+    ) -> Result<Self, Error> {
         let lacks = lacks(&device.limits());
         if !lacks.is_empty() {
             let problem = format!("{name} was opened with too little: {}", lacks.join(", "));
             return Err(Error::Device { problem });
         }
-        let features = usable(Features::ALL, device.features(), &device.limits());
+        let features = usable(wanted, device.features(), &device.limits());
         let scene_layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("scene"),
             entries: &scene_entries(most_textures(features, &device.limits())),

@@ -261,19 +261,16 @@ fn bindless_pictures_have_the_same_bits() {
     let Some(bindless) = device_with(Feature::Bindless) else { return };
     with_gpu(|gpu| {
         let mut pictures = Vec::new();
+        // Few kernels, and textures on every ray of them.
+        let settings = Settings { method: Method::Direct, ..few("balanced") };
         let mut render = |gpu| {
             with_scene(gpu, papered(), |both| {
-                for method in [Method::Direct, Method::Path] {
-                    let mut settings = Settings { method, ..few("balanced") };
-                    settings.path.spp = 1;
-                    pictures.push(bits(&both.on_device([40, 30], &settings)));
-                }
+                pictures.push(bits(&both.on_device([40, 30], &settings)));
             })
         };
         let gpu = render(gpu);
         render(bindless).check().expect("no problem");
-        assert!(pictures[0] == pictures[2], "direct");
-        assert!(pictures[1] == pictures[3], "path");
+        assert!(pictures[0] == pictures[1]);
         gpu
     });
 }
