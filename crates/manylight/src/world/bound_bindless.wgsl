@@ -4,7 +4,13 @@ enable wgpu_binding_array;
 @group(1) @binding(0) var<storage, read> scene: SceneInfo;
 @group(1) @binding(5) var textures: binding_array<texture_2d<u32>>;
 
-// A texel of a texture; neighbors may read different ones.
-fn load_texel(page: u32, at: vec2u) -> vec4u {
-    return textureLoad(textures[page], at, 0);
+// The first texel of a texture, or all four. Neighbors may read different textures: a driver that
+// goes through them one by one takes long to compile each fetch, so there is one.
+fn load_texels(page: u32, places: array<vec2u, 4>, count: u32) -> array<vec4u, 4> {
+    var at = places;
+    var texels: array<vec4u, 4>;
+    for (var i = 0u; i < min(count, 4u); i++) {
+        texels[i] = textureLoad(textures[page], at[i], 0);
+    }
+    return texels;
 }
