@@ -1,4 +1,4 @@
-// What the scene binds in one way on every device: its uniform, and textures as layers of one array.
+// What the scene binds on every device: its uniform, and textures as layers of one array.
 
 @group(1) @binding(0) var<uniform> scene: SceneInfo;
 @group(1) @binding(5) var textures: texture_2d_array<u32>;

@@ -77,8 +77,8 @@ impl Pages {
     }
 }
 
-/// Lengths to try along an axis: multiples of a part of the longest rectangle's, if it has any, that
-/// itself, powers of two, the most.
+/// Lengths to try along an axis: multiples of a part of the longest rectangle's, if it has any,
+/// that itself, powers of two, the most.
 fn sides(sizes: &[[u32; 2]], axis: usize, most: u32, parts: u32) -> Vec<u32> {
     let longest = sizes.iter().map(|s| s[axis]).max().unwrap_or(1);
     let part = longest.div_ceil(parts.max(1));
