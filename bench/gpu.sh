@@ -48,6 +48,13 @@ frames row2-headline sponza-atrium --size 1280x720 --set vpls.count=1000000 --se
   --set interleave=4
 frames default-720p sponza-atrium --size 1280x720
 frames paper-720p sponza-atrium --size 1280x720 --preset paper --set vpls.count=1000000
+# Pages of textures against textures bound one by one.
+for shot in sponza-atrium country_kitchen-main; do
+  for bindless in false true; do
+    frames=30 frames "bindless-$bindless-$shot" "$shot" --size 1280x720 \
+      --set "gpu.bindless=$bindless"
+  done
+done
 for shot in cornell_box-main white_room-main classroom-main country_kitchen-main; do
   frames=30 frames "default-$shot" "$shot" --size 1280x720
 done

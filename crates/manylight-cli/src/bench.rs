@@ -212,10 +212,9 @@ fn frames(
     if let Some(lists) = engine.device_lists() {
         let bytes: u64 = lists.iter().map(|(_, bytes)| bytes).sum();
         report.insert("device_memory_mib".to_owned(), json!(bytes >> 20));
-        let of_some_size = lists.iter().filter(|(_, bytes)| bytes >> 20 > 0);
         let lists: serde_json::Map<_, _> =
-            of_some_size.map(|(name, bytes)| ((*name).to_owned(), json!(bytes >> 20))).collect();
-        report.insert("device_lists_mib".to_owned(), lists.into());
+            lists.iter().map(|&(name, bytes)| (name.to_owned(), json!(bytes))).collect();
+        report.insert("device_lists_bytes".to_owned(), lists.into());
     }
     Ok(Value::Object(report))
 }

@@ -218,8 +218,8 @@ group! {
         half: bool = true,
         /// Whether the hardware follows rays, where it can.
         ray_queries: bool = true,
-        /// Whether to bind each texture by itself, where the device can, in place of pages of one
-        /// array.
+        /// Whether to bind each texture by itself, where the device can and has room for as many,
+        /// in place of pages of one array. Texels are the same.
         bindless: bool = false,
     }
 }

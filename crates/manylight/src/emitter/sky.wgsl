@@ -19,8 +19,34 @@ fn sky_is_map() -> bool {
     return sources[SOURCE_SKY_KIND] == SKY_MAP;
 }
 
+// Bits of a texel's radiance, and its threshold among all of them, row by row.
+fn sky_texel(index: u32) -> vec4u {
+    let width = max(sources[SOURCE_SKY_WIDTH], 1u);
+    return textureLoad(sky_texels, vec2u(index % width, index / width), 0);
+}
+
 fn sky_texel_radiance(index: u32) -> vec3f {
-    return source_vec3(sources[SOURCE_SKY_RADIANCE] + 3u * index);
+    return bitcast<vec3f>(sky_texel(index).rgb);
+}
+
+// Draws a texel: the row by the last threshold of each, then the column; twin of Discrete::sample.
+fn draw_sky_texel(u: f32) -> u32 {
+    let width = sources[SOURCE_SKY_WIDTH];
+    let height = sources[SOURCE_SKY_HEIGHT];
+    let row = min(draw_source(sources[SOURCE_SKY_ROWS_BY_FLUX], height, u), height - 1u);
+    let draw = draw_of(u);
+    var low = 0u;
+    var high = width;
+    // At most 32 halvings.
+    for (var i = 0u; i < 32u && low < high; i++) {
+        let middle = low + (high - low) / 2u;
+        if textureLoad(sky_texels, vec2u(middle, row), 0).a <= draw {
+            low = middle + 1u;
+        } else {
+            high = middle;
+        }
+    }
+    return row * width + min(low, width - 1u);
 }
 
 // Cosine at a row's upper edge.
@@ -41,7 +67,7 @@ fn sky_radiance(toward_sky: vec3f) -> vec3f {
         return sky_texel_radiance(sky_texel_of(toward_sky));
     }
     if kind == SKY_CONSTANT {
-        return sky_texel_radiance(0u);
+        return source_vec3(sources[SOURCE_SKY_RADIANCE]);
     }
     return vec3f(0.0);
 }
@@ -51,19 +77,18 @@ fn sky_sample(u: vec2f) -> SkySample {
     if !sky_is_map() {
         return SkySample(uniform_sphere(u), sky_radiance(vec3f(0.0)), 0.25 / PI);
     }
-    let table = sources[SOURCE_SKY_BY_FLUX];
     let width = sources[SOURCE_SKY_WIDTH];
-    let count = width * sources[SOURCE_SKY_HEIGHT];
-    let index = draw_source(table, count, u.x) % count;
+    let index = draw_sky_texel(u.x);
+    let texel = sky_texel(index);
     // What the search left of u.x places the direction inside the texel.
     var below = 0u;
     if index > 0u {
-        below = sources[table + index - 1u];
+        below = sky_texel(index - 1u).a;
     }
-    let step = max(sources[table + index] - below, 1u);
+    let step = max(texel.a - below, 1u);
     let left = clamp(f32(draw_of(u.x) - below) / f32(step), 0.0, 1.0);
     let direction = sky_direction_of(f32(index % width) + left, index / width, u.y);
-    let radiance = sky_texel_radiance(index);
+    let radiance = bitcast<vec3f>(texel.rgb);
     return SkySample(direction, radiance, sky_density(radiance));
 }
 

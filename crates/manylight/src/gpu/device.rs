@@ -1,6 +1,7 @@
 //! Opening a device, its pipelines, and reading back from it.
 
 use super::buffer::{Account, HeldBytes};
+use super::features::LISTS_BESIDE_TEXTURES;
 use super::recorder::{Arena, Recorder};
 #[cfg(debug_assertions)]
 use super::reload::Reload;
@@ -8,7 +9,11 @@ use super::{Buf, Feature, Features, KernelInfo, Record, SHADERS, link};
 use crate::error::Error;
 use crate::settings::GpuSettings;
 use std::collections::HashMap;
+use std::num::NonZeroU32;
 use std::sync::{Arc, Mutex, PoisonError};
+
+/// Most textures that are bound one by one.
+const MOST_TEXTURES: u32 = 1024;
 
 /// How to open a device.
 #[derive(Clone, Debug, Default)]
@@ -152,6 +157,13 @@ fn device_descriptor(
     let limits = &mut asked.required_limits;
     limits.max_storage_buffer_binding_size = most.max_storage_buffer_binding_size;
     limits.max_buffer_size = most.max_buffer_size;
+    limits.max_texture_dimension_2d = most.max_texture_dimension_2d;
+    if features.has(Feature::Bindless) {
+        let textures = most.max_binding_array_elements_per_shader_stage;
+        limits.max_binding_array_elements_per_shader_stage = textures.min(MOST_TEXTURES);
+        let lists = limits.max_storage_buffers_per_shader_stage;
+        limits.max_storage_buffers_per_shader_stage = lists.max(LISTS_BESIDE_TEXTURES);
+    }
     asked.required_features = adapter.features() & wgpu::Features::TIMESTAMP_QUERY;
     asked.required_features |= features.wgpu();
     if features.has(Feature::RayQueries) {
@@ -199,14 +211,15 @@ impl Gpu {
         let (raw, queue) =
             opened.map_err(|e| device(format!("{} does not open: {e}", description.name)))?;
         let name = format!("{}, {}", description.name, description.driver);
-        let gpu = Self::from_device(raw, queue, name)?;
+        let gpu = Self::with_features(raw, queue, name, options.features)?;
         gpu.listen();
         Ok(gpu)
     }
 
     /// Takes a device that someone else opened. What goes wrong on it is told by the functions that
     /// did it; the device's own handlers are left alone. Of [`Features`] those are used that it was
-    /// opened with; ray queries also need limits for acceleration structures.
+    /// opened with, but textures are not bound one by one; ray queries also need limits for
+    /// acceleration structures.
     ///
     /// Errors: less than `wgpu::Limits::defaults()`
     pub fn from_device(
@@ -214,15 +227,24 @@ impl Gpu {
         queue: wgpu::Queue,
         name: String,
     ) -> Result<Self, Error> {
+        Self::with_features(device, queue, name, Features::ALL.without(Feature::Bindless))
+    }
+
+    fn with_features(
+        device: wgpu::Device,
+        queue: wgpu::Queue,
+        name: String,
+        wanted: Features,
+    ) -> Result<Self, Error> {
         let lacks = lacks(&device.limits());
         if !lacks.is_empty() {
             let problem = format!("{name} was opened with too little: {}", lacks.join(", "));
             return Err(Error::Device { problem });
         }
-        let features = Features::ALL.offered_by(device.features(), &device.limits());
+        let features = wanted.offered_by(device.features(), &device.limits());
         let scene_layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("scene"),
-            entries: &scene_entries(features),
+            entries: &scene_entries(features, most_textures(features, &device.limits())),
         });
         Ok(Self {
             features,
@@ -276,6 +298,11 @@ impl Gpu {
     /// What kernels make use of beyond what every device has.
     pub fn features(&self) -> Features {
         self.features
+    }
+
+    /// How many textures the scene may bind one by one; `None` where it binds an array of pages.
+    pub fn most_textures(&self) -> Option<u32> {
+        most_textures(self.features, &self.device.limits()).map(NonZeroU32::get)
     }
 
     /// Bytes of all buffers that are held at present.
@@ -513,9 +540,18 @@ impl Gpu {
     }
 }
 
-/// Group 1 of kernels that trace rays: uniform, nodes, triangles, geometry, sources, textures, and
-/// the hierarchy of the hardware where it follows rays.
-fn scene_entries(features: Features) -> Vec<wgpu::BindGroupLayoutEntry> {
+/// How many textures are bound one by one, if any.
+fn most_textures(features: Features, limits: &wgpu::Limits) -> Option<NonZeroU32> {
+    let most = limits.max_binding_array_elements_per_shader_stage.min(MOST_TEXTURES);
+    NonZeroU32::new(most).filter(|_| features.has(Feature::Bindless))
+}
+
+/// Group 1 of kernels that trace rays: info, nodes, triangles, geometry, sources, textures, the
+/// hierarchy of the hardware where it follows rays, and the map of the sky. Beside textures that are bound one by one no uniform may stand.
+fn scene_entries(
+    features: Features,
+    most_textures: Option<NonZeroU32>,
+) -> Vec<wgpu::BindGroupLayoutEntry> {
     let entry = |binding, ty| wgpu::BindGroupLayoutEntry {
         binding,
         visibility: wgpu::ShaderStages::COMPUTE,
@@ -525,18 +561,29 @@ fn scene_entries(features: Features) -> Vec<wgpu::BindGroupLayoutEntry> {
     let buffer =
         |ty| wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None };
     let list = || buffer(wgpu::BufferBindingType::Storage { read_only: true });
-    let textures = wgpu::BindingType::Texture {
+    let texture = |view_dimension| wgpu::BindingType::Texture {
         sample_type: wgpu::TextureSampleType::Uint,
-        view_dimension: wgpu::TextureViewDimension::D2Array,
+        view_dimension,
         multisampled: false,
     };
+    let (info, textures) = match most_textures {
+        None => {
+            let pages = entry(5, texture(wgpu::TextureViewDimension::D2Array));
+            (buffer(wgpu::BufferBindingType::Uniform), pages)
+        }
+        count => {
+            let each = entry(5, texture(wgpu::TextureViewDimension::D2));
+            (list(), wgpu::BindGroupLayoutEntry { count, ..each })
+        }
+    };
     let mut entries = vec![
-        entry(0, buffer(wgpu::BufferBindingType::Uniform)),
+        entry(0, info),
         entry(1, list()),
         entry(2, list()),
         entry(3, list()),
         entry(4, list()),
-        entry(5, textures),
+        textures,
+        entry(7, texture(wgpu::TextureViewDimension::D2)),
     ];
     if features.has(Feature::RayQueries) {
         let tree = wgpu::BindingType::AccelerationStructure { vertex_return: false };

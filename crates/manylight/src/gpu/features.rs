@@ -2,6 +2,11 @@
 
 use crate::settings::GpuSettings;
 
+/// What a device must bind one by one, or else pages of an array are used: as many as layers.
+const LEAST_TEXTURES: u32 = 256;
+/// Lists of a kernel where textures are bound one by one: the scene's uniform becomes one.
+pub(super) const LISTS_BESIDE_TEXTURES: u32 = 9;
+
 /// Something that not every device offers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Feature {
@@ -38,6 +43,7 @@ impl Feature {
             Self::Bindless => {
                 wgpu::Features::TEXTURE_BINDING_ARRAY
                     | wgpu::Features::SAMPLED_TEXTURE_AND_STORAGE_BUFFER_ARRAY_NON_UNIFORM_INDEXING
+                    | wgpu::Features::PARTIALLY_BOUND_BINDING_ARRAY
             }
         }
     }
@@ -52,7 +58,11 @@ impl Feature {
                     && limits.max_tlas_instance_count > 0
                     && limits.max_acceleration_structures_per_shader_stage > 0
             }
-            Self::Subgroups | Self::Half | Self::Bindless => true,
+            Self::Bindless => {
+                limits.max_binding_array_elements_per_shader_stage >= LEAST_TEXTURES
+                    && limits.max_storage_buffers_per_shader_stage >= LISTS_BESIDE_TEXTURES
+            }
+            Self::Subgroups | Self::Half => true,
         }
     }
 }
@@ -74,6 +84,12 @@ impl Features {
         let mut features = Self::NONE;
         features.chosen[feature as usize] = true;
         features
+    }
+
+    /// All but one.
+    pub fn without(mut self, feature: Feature) -> Self {
+        self.chosen[feature as usize] = false;
+        self
     }
 
     /// Whether one is among them.

@@ -26,6 +26,7 @@ const VARIANTS: &[Variant] = &[
         "gather/grid/gpu/build/join_extent_subgroups",
     ),
     variant(Feature::RayQueries, "world/walk", "world/walk_query"),
+    variant(Feature::Bindless, "world/bound", "world/bound_bindless"),
     variant(Feature::Half, "filter/kept", "filter/kept_half"),
 ];
 
@@ -49,6 +50,8 @@ const FILES: &[(&str, &str)] = shaders![
     "math/color",
     "bvh/traverse",
     "bvh/traverse_binary",
+    "world/bound",
+    "world/bound_bindless",
     "world/scene",
     "world/texture",
     "world/alpha",
@@ -57,6 +60,7 @@ const FILES: &[(&str, &str)] = shaders![
     "world/rays",
     "world/cast",
     "world/cast_binary",
+    "world/probe",
     "surface/octahedral",
     "surface/view",
     "surface/load",

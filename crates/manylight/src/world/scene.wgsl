@@ -1,4 +1,5 @@
-// The scene in group 1, as world/gpu.rs lays it out.
+// The scene in group 1, as world/gpu/mod.rs lays it out.
+import package::world::bound;
 
 struct SceneInfo {
     bounds_low: vec3f,
@@ -18,7 +19,6 @@ struct SceneInfo {
     flat_count: u32,
 }
 
-@group(1) @binding(0) var<uniform> scene: SceneInfo;
 // Five to a node.
 @group(1) @binding(1) var<storage, read> bvh_nodes: array<vec4u>;
 // Three to a triangle: corner and instance, edge and triangle, edge and twice its place in the
@@ -26,7 +26,8 @@ struct SceneInfo {
 @group(1) @binding(2) var<storage, read> bvh_triangles: array<vec4f>;
 @group(1) @binding(3) var<storage, read> geometry: array<u32>;
 @group(1) @binding(4) var<storage, read> sources: array<u32>;
-@group(1) @binding(5) var textures: texture_2d_array<u32>;
+// Radiance of each texel of the sky's map, and what emitter/sky.wgsl says.
+@group(1) @binding(7) var sky_texels: texture_2d<u32>;
 
 const NONE = 0xffffffffu;
 

@@ -1,7 +1,7 @@
 // Reading textures: wrapping, filtering, decoding; twin of texture.rs.
 import package::world::scene;
 
-// Words of a slot: image (layer, x, y, width, height), wraps of u and v, linear filter, set of
+// Words of a slot: image (page, x, y, width, height), wraps of u and v, linear filter, set of
 // coordinates, and the 2 × 3 map of coordinates (columns).
 
 // A code value of sRGB → linear.
@@ -46,11 +46,11 @@ fn decode(texel: vec4u, srgb: bool) -> vec4f {
     return code / 255.0;
 }
 
-fn texel_at(slot: u32, x: i32, y: i32, srgb: bool) -> vec4f {
+// Where the texel at an index lies on its page.
+fn texel_place(slot: u32, x: i32, y: i32) -> vec2u {
     let column = wrap_texel(x, geometry[slot + 5u], geometry[slot + 3u]);
     let row = wrap_texel(y, geometry[slot + 6u], geometry[slot + 4u]);
-    let at = vec2u(geometry[slot + 1u] + column, geometry[slot + 2u] + row);
-    return decode(textureLoad(textures, at, geometry[slot], 0), srgb);
+    return vec2u(geometry[slot + 1u] + column, geometry[slot + 2u] + row);
 }
 
 // A slot's value at texture coordinates in 0…1, colors decoded before they are filtered.
@@ -64,16 +64,24 @@ fn sample_slot(index: u32, coordinates: vec2f, srgb: bool) -> vec4f {
     }
     let x = scale_inside(uv.x, geometry[slot + 5u], geometry[slot + 3u]);
     let y = scale_inside(uv.y, geometry[slot + 6u], geometry[slot + 4u]);
-    if geometry[slot + 7u] == 0u {
-        return texel_at(slot, i32(floor(x)), i32(floor(y)), srgb);
-    }
-    let corner = floor(vec2f(x, y) - 0.5);
-    let f = vec2f(x, y) - 0.5 - corner;
+    let is_linear = geometry[slot + 7u] != 0u;
+    let corner = floor(vec2f(x, y) - select(0.0, 0.5, is_linear));
     let i = vec2i(corner);
-    let a = texel_at(slot, i.x, i.y, srgb);
-    let b = texel_at(slot, i.x + 1, i.y, srgb);
-    let c = texel_at(slot, i.x, i.y + 1, srgb);
-    let d = texel_at(slot, i.x + 1, i.y + 1, srgb);
+    let places = array<vec2u, 4>(
+        texel_place(slot, i.x, i.y),
+        texel_place(slot, i.x + 1, i.y),
+        texel_place(slot, i.x, i.y + 1),
+        texel_place(slot, i.x + 1, i.y + 1),
+    );
+    let texels = load_texels(geometry[slot], places, select(1u, 4u, is_linear));
+    let a = decode(texels[0], srgb);
+    if !is_linear {
+        return a;
+    }
+    let f = vec2f(x, y) - 0.5 - corner;
+    let b = decode(texels[1], srgb);
+    let c = decode(texels[2], srgb);
+    let d = decode(texels[3], srgb);
     let upper = a + (b - a) * f.x;
     let lower = c + (d - c) * f.x;
     return upper + (lower - upper) * f.y;

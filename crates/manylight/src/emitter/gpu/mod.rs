@@ -1,9 +1,11 @@
 //! The sources on the graphics device: one list of words, and the functions that draw from it.
 //!
-//! In: [`World`], [`Emitters`] · Out: the words of binding 4 of group 1
+//! In: [`World`], [`Emitters`] · Out: [`SourceLists`]: the words of binding 4 of group 1, and the
+//! texels of a map of the sky
 //! The words are a header, see [`CONSTANTS`], then the tables it points at. A distribution is its
 //! thresholds, see [`Discrete::thresholds`], and after them its probabilities as `f32`.
-//! Limits: 16 B per texel of a sky map, in one list with everything else.
+//! A texel of a map is its radiance and its threshold among all of them.
+//! Limits: 28 B per emissive triangle in one list; 16 B per texel of a sky map in a texture.
 
 use super::Emitters;
 use crate::gpu::{Constant, Recorder, Value, kernel};
@@ -11,6 +13,7 @@ use crate::math::Discrete;
 use crate::surface::ViewFrame;
 use crate::surface::gpu::{GpuReceivers, ViewRecord};
 use crate::world::World;
+use crate::world::gpu::{SkyTexels, SourceLists};
 use crate::{bvh, surface, world};
 use glam::{Vec2, Vec3};
 use manylight_scene::{Light, Sky, SkyMap};
@@ -45,7 +48,7 @@ const SKY_HEIGHT: usize = 10;
 const SKY_TURN: usize = 11;
 const SKY_INVERSE_TOTAL: usize = 12;
 const SKY_RADIANCE: usize = 13;
-const SKY_BY_FLUX: usize = 14;
+const SKY_ROWS_BY_FLUX: usize = 14;
 const SKY_ROWS: usize = 15;
 const SKY_MEAN: usize = 16;
 const HEADER_WORDS: usize = 19;
@@ -70,7 +73,7 @@ pub const CONSTANTS: &[Constant] = &[
     word("SOURCE_SKY_TURN", SKY_TURN),
     word("SOURCE_SKY_INVERSE_TOTAL", SKY_INVERSE_TOTAL),
     word("SOURCE_SKY_RADIANCE", SKY_RADIANCE),
-    word("SOURCE_SKY_BY_FLUX", SKY_BY_FLUX),
+    word("SOURCE_SKY_ROWS_BY_FLUX", SKY_ROWS_BY_FLUX),
     word("SOURCE_SKY_ROWS", SKY_ROWS),
     word("SOURCE_SKY_MEAN", SKY_MEAN),
     word("LIGHT_WORDS", LIGHT_WORDS),
@@ -108,19 +111,20 @@ pub fn record_background(
 /// The sources as words.
 ///
 /// Cost: O(n); 28 B per emissive triangle, 16 B per texel of a sky map
-pub fn pack(world: &World, emitters: &Emitters) -> Vec<u32> {
-    let mut heap = Heap { words: vec![0; HEADER_WORDS] };
+pub fn pack(world: &World, emitters: &Emitters) -> SourceLists {
+    let mut heap = Heap { words: vec![0; HEADER_WORDS], sky: SkyTexels::default() };
     heap.words[LIGHT_COUNT] = emitters.lights.len() as u32;
     heap.table(LIGHTS, emitters.lights.iter().flat_map(light_words));
     heap.distribution(BY_FLUX, &emitters.by_flux);
     heap.surface(world, emitters);
     heap.sky(world, emitters);
-    heap.words
+    SourceLists { words: heap.words, sky: heap.sky }
 }
 
 /// Words under construction.
 struct Heap {
     words: Vec<u32>,
+    sky: SkyTexels,
 }
 
 impl Heap {
@@ -178,13 +182,23 @@ impl Heap {
         }
     }
 
-    /// Radiance, thresholds and the cosines between rows. A direction's density is luminance over
-    /// total, so that a table of probabilities is not needed.
+    /// Texels with their thresholds, the last threshold of each row and the cosines between rows. A
+    /// direction's density is luminance over total, so that a table of probabilities is not needed.
     fn sky_tables(&mut self, map: &SkyMap, by_flux: &Discrete) {
-        self.table(SKY_RADIANCE, map.radiance.iter().flat_map(|&r| bits(r)));
-        self.table(SKY_BY_FLUX, by_flux.thresholds());
+        let thresholds = by_flux.thresholds();
+        let width = map.width as usize;
+        self.table(
+            SKY_ROWS_BY_FLUX,
+            thresholds.chunks(width).filter_map(|row| row.last().copied()),
+        );
         let rows = (0..=map.height).map(|row| super::sky::row_cos(map, row as f32).to_bits());
         self.table(SKY_ROWS, rows);
+        let texel = |(&radiance, &threshold): (&Vec3, &u32)| {
+            let [r, g, b] = bits(radiance);
+            [r, g, b, threshold]
+        };
+        let texels = map.radiance.iter().zip(&thresholds).map(texel).collect();
+        self.sky = SkyTexels { size: [map.width, map.height], texels };
     }
 }
 

@@ -159,3 +159,28 @@ fn a_dark_scene_draws_nothing() {
         assert_eq!(part(&record, 8).0, Vec3::ZERO);
     }
 }
+
+#[test]
+fn a_large_map_of_the_sky_fits_the_smallest_limits() {
+    let (world, emitters) = {
+        let mut scene = manylight_scene::builtin("cornell").expect("cornell").scene;
+        scene.sky = Some(testing::sky_map());
+        let world = World::new(scene).expect("world");
+        let emitters = Emitters::new(&world);
+        (world, emitters)
+    };
+    let Some(Sky::Map(map)) = &world.scene.sky else { panic!("a map") };
+    let lists = pack(&world, &emitters);
+    assert_eq!(lists.sky.size, [map.width, map.height]);
+    assert_eq!(lists.sky.texels.len(), map.radiance.len());
+    // In the list are two words a row; all else is in the texture.
+    let mut without = world.scene.clone();
+    without.sky = None;
+    let without = World::new(without).expect("world");
+    let rest = pack(&without, &Emitters::new(&without)).words.len();
+    assert_eq!(lists.words.len(), rest + 2 * map.height as usize + 1);
+    // So that the list of a map of 8192 × 4096 is this long.
+    let limits = wgpu::Limits::defaults();
+    assert!(4 * (rest as u64 + 2 * 4096 + 1) < limits.max_storage_buffer_binding_size / 1000);
+    assert!(8192 <= limits.max_texture_dimension_2d);
+}

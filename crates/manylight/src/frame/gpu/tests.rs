@@ -6,7 +6,7 @@ use crate::gpu::testing::{device, device_with};
 use crate::gpu::{Feature, GpuOptions};
 use glam::Quat;
 use manylight_image::Raster;
-use manylight_scene::Shot;
+use manylight_scene::{AlphaMode, Shot, TextureImage, TextureSlot, Wrap};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
@@ -280,6 +280,54 @@ fn ray_queries_render_the_same_pictures_and_the_same_bits() {
             assert!(bits(&a) == bits(&b), "{name}: two runs");
         });
     }
+}
+
+/// The atrium with images on all that is plain, some of it cut out.
+fn papered() -> Shot {
+    let mut shot = builtin("atrium");
+    let texel = |i: u32| hash_u32(i).to_le_bytes();
+    for (i, material) in shot.scene.materials.iter_mut().enumerate() {
+        let [width, height] = [5 + i as u32, 9];
+        let texels = (0..width * height).map(|t| texel(t + 100 * i as u32)).collect();
+        let name = format!("paper {i}");
+        let image = shot.scene.images.len() as u32;
+        shot.scene.images.push(TextureImage { name, width, height, texels });
+        let slot = TextureSlot {
+            image,
+            uv_set: 0,
+            transform: glam::Affine2::IDENTITY,
+            wrap: [Wrap::Repeat, Wrap::Mirror],
+            linear_filter: i % 2 == 0,
+        };
+        material.base_color_texture.get_or_insert(slot);
+        if i % 5 == 0 {
+            material.alpha_mode = AlphaMode::Mask(0.2);
+        }
+    }
+    for mesh in shot.scene.meshes.iter_mut().filter(|mesh| mesh.uvs[0].is_empty()) {
+        mesh.uvs[0] = mesh.positions.iter().map(|p| Vec2::new(p.x + p.y, p.z - p.y)).collect();
+    }
+    shot
+}
+
+#[test]
+#[ignore = "a software driver compiles these kernels for minutes"]
+fn bindless_pictures_have_the_same_bits() {
+    let Some(bindless) = device_with(Feature::Bindless) else { return };
+    with_gpu(|gpu| {
+        let mut pictures = Vec::new();
+        // Few kernels, and textures on every ray of them.
+        let settings = Settings { method: Method::Direct, ..few("balanced") };
+        let mut render = |gpu| {
+            with_scene(gpu, papered(), |both| {
+                pictures.push(bits(&both.on_device([40, 30], &settings)));
+            })
+        };
+        let gpu = render(gpu);
+        render(bindless).check().expect("no problem");
+        assert!(pictures[0] == pictures[1]);
+        gpu
+    });
 }
 
 /// The shots in a folder, each with what it makes of its scene: all but the camera.

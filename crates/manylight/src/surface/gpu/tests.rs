@@ -2,7 +2,7 @@ use super::*;
 use crate::gpu::testing::{check_kernel, device};
 use crate::math::{Sequence, uniform_sphere};
 use crate::world::World;
-use crate::world::gpu::GpuWorld;
+use crate::world::gpu::{GpuWorld, SourceLists};
 
 #[test]
 fn kernels_match_their_shaders() {
@@ -40,7 +40,7 @@ fn receivers_agree() {
         let view = ViewFrame::new(&shot.camera, width, height);
         let world = World::new(shot.scene).expect("world");
         let name = &world.scene.name;
-        let scene = GpuWorld::new(gpu, &world, &[0]).expect("world");
+        let scene = GpuWorld::new(gpu, &world, &SourceLists::default()).expect("world");
         let planes = GpuReceivers::new(gpu, width, height).expect("receivers");
         let offset_px = Vec2::splat(0.5);
         let mut rec = gpu.record(Some(scene.group()));

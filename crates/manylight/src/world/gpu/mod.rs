@@ -1,8 +1,14 @@
 //! The scene on the graphics device: group 1 of every kernel that traces rays.
 //!
-//! In: [`World`], words of light sources · Out: [`GpuWorld`]
+//! In: [`World`], [`SourceLists`] · Out: [`GpuWorld`]
 //! Limits: each of nodes, triangles and geometry fits one binding; textures of at most the device's
-//! largest, packed into pages of one array.
+//! largest.
+
+mod pages;
+mod sky;
+mod textures;
+
+pub use sky::{SkyTexels, SourceLists};
 
 mod binary;
 mod hardware;
@@ -12,10 +18,12 @@ pub use binary::BinaryWorld;
 use super::World;
 use crate::bvh::gpu::{BinaryNode, GpuTree, NODE_WORDS};
 use crate::error::Error;
-use crate::gpu::{Buf, Constant, Feature, Gpu, HeldBytes, Value, kernel, record};
+use crate::gpu::{Buf, Constant, Feature, Gpu, Value, kernel, record};
 use glam::{Affine3A, Mat3, Vec3};
 use hardware::HardwareTree;
-use manylight_scene::{AlphaMode, Material, Mesh, TextureImage, TextureSlot, Wrap};
+use manylight_scene::{AlphaMode, Material, Mesh, Scene, TextureSlot, Wrap};
+use sky::SkyTexture;
+use textures::{Limits, Place, Plan, Textures, refused};
 
 const INSTANCE_WORDS: usize = 23;
 const MESH_WORDS: usize = 8;
@@ -31,8 +39,6 @@ const WRAP_CLAMP: u32 = 2;
 const ALPHA_OPAQUE: u32 = 0;
 const ALPHA_MASK: u32 = 1;
 const ALPHA_BLEND: u32 = 2;
-/// Side of a page of textures, texels; more where an image is larger.
-const PAGE: u32 = 2048;
 /// Name of the list of sources.
 const SOURCES: &str = "light sources";
 
@@ -138,8 +144,8 @@ struct Lists {
     triangles: Buf<[f32; 12]>,
     geometry: Buf<u32>,
     sources: Buf<u32>,
-    textures: wgpu::TextureView,
-    _texture_bytes: HeldBytes,
+    textures: Textures,
+    sky: SkyTexture,
     /// Where the hardware follows rays.
     tree: Option<HardwareTree>,
 }
@@ -154,14 +160,14 @@ struct Packed {
 }
 
 impl GpuWorld {
-    /// Copies a world to the device; `sources` are the words that `emitter` packs.
+    /// Copies a world to the device; `sources` are what `emitter` packs.
     ///
     /// Errors: a list that the device cannot hold in one binding, textures beyond its limits
     /// Cost:   builds a hierarchy of its own, O(n log n)
-    pub fn new(gpu: &Gpu, world: &World, sources: &[u32]) -> Result<Self, Error> {
-        let atlas = Atlas::pack(gpu, &world.scene.images)?;
+    pub fn new(gpu: &Gpu, world: &World, sources: &SourceLists) -> Result<Self, Error> {
+        let plan = Plan::new(&world.scene, Limits::from(gpu)).map_err(|e| refused(gpu, &e))?;
         let mut packed = Packed::default();
-        packed.add_tables(world, &atlas.places);
+        packed.add_tables(world, &plan.places);
         let tree = if gpu.features().has(Feature::RayQueries) {
             let parts = packed.add_parts(world);
             Some(HardwareTree::build(gpu, &parts)?)
@@ -169,15 +175,14 @@ impl GpuWorld {
             packed.add_hierarchies(world);
             None
         };
-        let (textures, _texture_bytes) = atlas.upload(gpu, &world.scene.images);
         let lists = Lists {
             info: gpu.upload("scene", &[packed.info])?,
             nodes: gpu.upload("nodes of the hierarchy", &packed.nodes)?,
             triangles: gpu.upload("triangles", &packed.triangles)?,
             geometry: gpu.upload("geometry", &packed.geometry)?,
-            sources: gpu.upload(SOURCES, sources)?,
-            textures,
-            _texture_bytes,
+            sources: gpu.upload(SOURCES, &sources.words)?,
+            textures: Textures::upload(gpu, &world.scene.images, &plan),
+            sky: SkyTexture::upload(gpu, &sources.sky)?,
             tree,
         };
         Ok(Self { group: lists.group(gpu), lists })
@@ -186,8 +191,10 @@ impl GpuWorld {
     /// Takes other sources. What was recorded before keeps those that it was recorded with.
     ///
     /// Errors: more than the device can hold in one binding; nothing has changed then
-    pub fn set_sources(&mut self, gpu: &Gpu, sources: &[u32]) -> Result<(), Error> {
-        self.lists.sources = gpu.upload(SOURCES, sources)?;
+    pub fn set_sources(&mut self, gpu: &Gpu, sources: &SourceLists) -> Result<(), Error> {
+        let sky = SkyTexture::upload(gpu, &sources.sky)?;
+        self.lists.sources = gpu.upload(SOURCES, &sources.words)?;
+        self.lists.sky = sky;
         self.group = self.lists.group(gpu);
         Ok(())
     }
@@ -200,19 +207,19 @@ impl GpuWorld {
 
 impl Lists {
     fn group(&self, gpu: &Gpu) -> wgpu::BindGroup {
+        let views = self.textures.views();
         let mut bindings = vec![
-            self.info.raw().as_entire_binding(),
-            self.nodes.raw().as_entire_binding(),
-            self.triangles.raw().as_entire_binding(),
-            self.geometry.raw().as_entire_binding(),
-            self.sources.raw().as_entire_binding(),
-            wgpu::BindingResource::TextureView(&self.textures),
+            (0, self.info.raw().as_entire_binding()),
+            (1, self.nodes.raw().as_entire_binding()),
+            (2, self.triangles.raw().as_entire_binding()),
+            (3, self.geometry.raw().as_entire_binding()),
+            (4, self.sources.raw().as_entire_binding()),
+            (5, self.textures.binding(&views)),
+            (7, wgpu::BindingResource::TextureView(&self.sky.view)),
         ];
-        bindings.extend(self.tree.as_ref().map(HardwareTree::binding));
-        let entries = bindings.into_iter().enumerate();
-        let entries: Vec<_> = entries
-            .map(|(i, resource)| wgpu::BindGroupEntry { binding: i as u32, resource })
-            .collect();
+        bindings.extend(self.tree.as_ref().map(|tree| (6, tree.binding())));
+        let entry = |(binding, resource)| wgpu::BindGroupEntry { binding, resource };
+        let entries: Vec<_> = bindings.into_iter().map(entry).collect();
         gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("scene"),
             layout: gpu.scene_layout(),
@@ -253,7 +260,9 @@ impl Packed {
         }
         self.info.slots = self.geometry.len() as u32;
         self.geometry.extend(slots);
-        let lists: Vec<_> = scene.meshes.iter().map(|mesh| self.add_lists(mesh)).collect();
+        let needs = needs_of_meshes(scene);
+        let meshes = scene.meshes.iter().zip(needs);
+        let lists: Vec<_> = meshes.map(|(mesh, needs)| self.add_lists(mesh, needs)).collect();
         self.info.meshes = self.geometry.len() as u32;
         self.geometry.extend(lists.into_iter().flatten());
     }
@@ -284,11 +293,14 @@ impl Packed {
     }
 
     /// Adds the lists of a mesh; the words that say where they begin.
-    fn add_lists(&mut self, mesh: &Mesh) -> [u32; MESH_WORDS] {
+    fn add_lists(&mut self, mesh: &Mesh, needs: Needs) -> [u32; MESH_WORDS] {
         fn list(words: &mut Vec<u32>, values: &[f32]) -> u32 {
             let first = words.len() as u32;
             words.extend_from_slice(bytemuck::cast_slice(values));
             if values.is_empty() { NONE } else { first }
+        }
+        if !needs.any {
+            return [mesh.material, NONE, NONE, NONE, NONE, NONE, NONE, NONE];
         }
         let triangles = self.geometry.len() as u32;
         self.geometry.extend(mesh.triangles.iter().flatten());
@@ -301,9 +313,9 @@ impl Packed {
             triangles,
             list(geometry, &flat3(&mesh.positions)),
             list(geometry, &flat3(&mesh.normals)),
-            list(geometry, &flat4(&mesh.tangents)),
-            list(geometry, &flat2(&mesh.uvs[0])),
-            list(geometry, &flat2(&mesh.uvs[1])),
+            list(geometry, &if needs.tangents { flat4(&mesh.tangents) } else { Vec::new() }),
+            list(geometry, &if needs.uvs[0] { flat2(&mesh.uvs[0]) } else { Vec::new() }),
+            list(geometry, &if needs.uvs[1] { flat2(&mesh.uvs[1]) } else { Vec::new() }),
             list(geometry, &flat4(&mesh.colors)),
         ]
     }
@@ -397,13 +409,32 @@ impl World {
     }
 }
 
-/// Where an image lies among the pages.
+/// What kernels read of a mesh.
 #[derive(Clone, Copy, Debug, Default)]
-struct Place {
-    layer: u32,
-    x: u32,
-    y: u32,
-    size: [u32; 2],
+struct Needs {
+    /// Anything at all: it is in the scene.
+    any: bool,
+    /// Its material has a texture of normals.
+    tangents: bool,
+    /// Its material has textures with these coordinates.
+    uvs: [bool; 2],
+}
+
+fn needs_of_meshes(scene: &Scene) -> Vec<Needs> {
+    let mut needs = vec![Needs::default(); scene.meshes.len()];
+    for instance in &scene.instances {
+        let material = &scene.materials[scene.meshes[instance.mesh as usize].material as usize];
+        let uses = |set| slots_of(material).iter().any(|s| usize::from(s.uv_set.min(1)) == set);
+        let tangents = material.normal_texture.is_some();
+        needs[instance.mesh as usize] = Needs { any: true, tangents, uvs: [uses(0), uses(1)] };
+    }
+    needs
+}
+
+/// The textures of a material that kernels read: color, emission, normals.
+fn slots_of(material: &Material) -> Vec<&TextureSlot> {
+    let Material { base_color_texture, emission_texture, normal_texture, .. } = material;
+    [base_color_texture, emission_texture, normal_texture].into_iter().flatten().collect()
 }
 
 fn slot_words(slot: &TextureSlot, place: &Place) -> [u32; SLOT_WORDS] {
@@ -417,124 +448,12 @@ fn slot_words(slot: &TextureSlot, place: &Place) -> [u32; SLOT_WORDS] {
     let filter = u32::from(slot.linear_filter);
     let set = u32::from(slot.uv_set);
     [
-        place.layer,
-        place.x,
-        place.y,
-        width,
-        height,
-        wrap[0],
-        wrap[1],
-        filter,
-        set,
-        map[0],
-        map[1],
-        map[2],
-        map[3],
-        map[4],
-        map[5],
+        place.page, place.x, place.y, width, height, wrap[0], wrap[1], filter, set, map[0], map[1],
+        map[2], map[3], map[4], map[5],
     ]
-}
-
-/// All images in pages of one size.
-struct Atlas {
-    page: [u32; 2],
-    layers: u32,
-    places: Vec<Place>,
-}
-
-impl Atlas {
-    /// Places images on shelves, the highest first.
-    ///
-    /// Errors: an image larger than the device's largest texture, more pages than it has layers
-    fn pack(gpu: &Gpu, images: &[TextureImage]) -> Result<Self, Error> {
-        let limits = gpu.device().limits();
-        let widest = |f: fn(&TextureImage) -> u32| images.iter().map(f).max().unwrap_or(1);
-        let page = [widest(|i| i.width).max(PAGE), widest(|i| i.height).max(PAGE)];
-        let most = limits.max_texture_dimension_2d;
-        if let Some(image) = images.iter().find(|i| i.width.max(i.height) > most) {
-            return Err(Error::Device {
-                problem: format!(
-                    "the texture {} has {} x {} texels, and {} allows {most} along a side; make it \
-                     smaller, or render with --backend cpu",
-                    image.name,
-                    image.width,
-                    image.height,
-                    gpu.name()
-                ),
-            });
-        }
-        let page = page.map(|side| side.min(most));
-        let mut order: Vec<usize> = (0..images.len()).collect();
-        order.sort_by_key(|&i| (std::cmp::Reverse(images[i].height), i));
-        let mut places = vec![Place::default(); images.len()];
-        let (mut layer, mut x, mut shelf, mut shelf_height) = (0, 0, 0, 0);
-        for i in order {
-            let size = [images[i].width, images[i].height];
-            if x + size[0] > page[0] {
-                (x, shelf, shelf_height) = (0, shelf + shelf_height, 0);
-            }
-            if shelf + size[1] > page[1] {
-                (layer, x, shelf, shelf_height) = (layer + 1, 0, 0, 0);
-            }
-            places[i] = Place { layer, x, y: shelf, size };
-            (x, shelf_height) = (x + size[0], shelf_height.max(size[1]));
-        }
-        let layers = layer + 1;
-        if layers > limits.max_texture_array_layers {
-            return Err(Error::Device {
-                problem: format!(
-                    "the textures fill {layers} pages of {} x {} texels, and {} allows {}; make \
-                     them smaller, or render with --backend cpu",
-                    page[0],
-                    page[1],
-                    gpu.name(),
-                    limits.max_texture_array_layers
-                ),
-            });
-        }
-        let page = if images.is_empty() { [1; 2] } else { page };
-        Ok(Self { page, layers, places })
-    }
-
-    fn upload(&self, gpu: &Gpu, images: &[TextureImage]) -> (wgpu::TextureView, HeldBytes) {
-        let [width, height] = self.page;
-        let size = wgpu::Extent3d { width, height, depth_or_array_layers: self.layers };
-        let texture = gpu.device().create_texture(&wgpu::TextureDescriptor {
-            label: Some("textures"),
-            size,
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format: wgpu::TextureFormat::Rgba8Uint,
-            usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
-            view_formats: &[],
-        });
-        let bytes = 4 * u64::from(width) * u64::from(height) * u64::from(self.layers);
-        for (image, place) in images.iter().zip(&self.places) {
-            let [width, height] = place.size;
-            gpu.queue().write_texture(
-                wgpu::TexelCopyTextureInfo {
-                    texture: &texture,
-                    mip_level: 0,
-                    origin: wgpu::Origin3d { x: place.x, y: place.y, z: place.layer },
-                    aspect: wgpu::TextureAspect::All,
-                },
-                bytemuck::cast_slice(&image.texels),
-                wgpu::TexelCopyBufferLayout {
-                    offset: 0,
-                    bytes_per_row: Some(4 * width),
-                    rows_per_image: Some(height),
-                },
-                wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
-            );
-        }
-        let view = texture.create_view(&wgpu::TextureViewDescriptor {
-            dimension: Some(wgpu::TextureViewDimension::D2Array),
-            ..Default::default()
-        });
-        (view, gpu.hold_bytes("textures", bytes))
-    }
 }
 
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod texture_tests;

@@ -3,6 +3,7 @@ use crate::bvh::Ray;
 use crate::gpu::testing::{check_kernel, device, device_with};
 use crate::math::{Sequence, uniform_sphere};
 use crate::world::World;
+use manylight_scene::TextureImage;
 use std::sync::OnceLock;
 
 #[test]
@@ -25,7 +26,7 @@ fn rays(world: &World, count: u32) -> Vec<Ray> {
 }
 
 fn cast(gpu: &Gpu, world: &World, rays: &[Ray], any: bool) -> Vec<HitRecord> {
-    let scene = GpuWorld::new(gpu, world, &[0]).expect("world");
+    let scene = GpuWorld::new(gpu, world, &SourceLists::default()).expect("world");
     let list = upload_rays(gpu, rays);
     let hits = gpu.buffer::<HitRecord>("hits", rays.len()).expect("hits");
     let mut rec = gpu.record(Some(scene.group()));
@@ -47,7 +48,7 @@ fn upload_rays(gpu: &Gpu, rays: &[Ray]) -> Buf<[f32; 8]> {
 /// Whether the rays are stopped on their way through the binary hierarchy; it knows no instances.
 fn stopped_in_binary(gpu: &Gpu, world: &World, rays: &[Ray]) -> Option<Vec<u32>> {
     let binary = BinaryWorld::new(gpu, world).expect("hierarchy")?;
-    let scene = GpuWorld::new(gpu, world, &[0]).expect("world");
+    let scene = GpuWorld::new(gpu, world, &SourceLists::default()).expect("world");
     let list = upload_rays(gpu, rays);
     let stopped = gpu.buffer::<u32>("stopped", rays.len()).expect("stopped");
     let mut rec = gpu.record(Some(scene.group()));

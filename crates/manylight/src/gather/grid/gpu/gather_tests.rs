@@ -17,7 +17,7 @@ use crate::surface::gpu::GpuReceivers;
 use crate::surface::{Receivers, SurfacePoint, ViewFrame};
 use crate::vlight::{Vpl, vpl};
 use crate::world::World;
-use crate::world::gpu::GpuWorld;
+use crate::world::gpu::{GpuWorld, SourceLists};
 use glam::{Vec2, Vec3};
 use std::collections::HashSet;
 use std::sync::OnceLock;
@@ -133,7 +133,7 @@ pub(super) fn run(gpu: &Gpu, case: &Case, mut capacity: GatherCapacity) -> Run {
 fn try_run(gpu: &Gpu, case: &Case, capacity: GatherCapacity) -> Run {
     let receivers = GpuReceivers::upload(gpu, &case.receivers, |_| Vec3::ZERO).expect("receivers");
     let grid = GpuGrid::upload(gpu, &case.grid).expect("grid");
-    let world = GpuWorld::new(gpu, &case.world, &[]).expect("world");
+    let world = GpuWorld::new(gpu, &case.world, &SourceLists::default()).expect("world");
     let (width, height, settings) = (receivers.width, receivers.height, &case.settings);
     let gather = Gather::new(gpu, width, height, settings, capacity).expect("gather");
     let out = GatherOut::new(gpu, width, height).expect("output");
