@@ -4,7 +4,7 @@
 
 use super::Layers;
 use crate::error::Error;
-use crate::gpu::{Buf, Constant, GROUP, Gpu, KernelInfo, MAX_GROUPS, Recorder, Value};
+use crate::gpu::{Buf, Constant, GROUP, Gpu, KernelInfo, MAX_GROUPS, Memory, Recorder, Value};
 use crate::gpu::{kernel, record};
 use crate::surface::gpu::{GpuReceivers, NO_SURFACE};
 use glam::Vec3;
@@ -137,11 +137,18 @@ pub struct GpuLayers {
 }
 
 impl GpuLayers {
-    /// Room for a picture of some samples per pixel.
+    /// Room for a picture of some samples per pixel; `light` for its parts, `picture` for their
+    /// sum.
     ///
     /// Errors: more pixels than the device can hold in one list
-    pub fn new(gpu: &Gpu, width: usize, height: usize, samples: u32) -> Result<Self, Error> {
+    pub fn new(
+        light: &impl Memory,
+        picture: &impl Memory,
+        [width, height]: [usize; 2],
+        samples: u32,
+    ) -> Result<Self, Error> {
         let pixels = width * height;
+        let gpu = light.gpu();
         let plane = |name| gpu.buffer(name, pixels);
         let keep = || -> Result<_, Error> {
             Ok(Kept {
@@ -154,10 +161,10 @@ impl GpuLayers {
         Ok(Self {
             width,
             height,
-            beauty: plane("picture")?,
-            direct: plane("direct light")?,
-            indirect: plane("indirect light")?,
-            unshadowed: plane("unshadowed light")?,
+            beauty: picture.list("picture", pixels)?,
+            direct: light.list("direct light", pixels)?,
+            indirect: light.list("indirect light", pixels)?,
+            unshadowed: light.list("unshadowed light", pixels)?,
             samples,
             kept: (samples > 1).then(keep).transpose()?,
             nothing: [gpu.buffer("nothing", 1)?, gpu.buffer("nothing", 1)?],
@@ -364,7 +371,8 @@ mod tests {
     /// The layers of some samples by the device, and its picture.
     fn run(gpu: &Gpu, samples: &[Sample]) -> (Layers, Vec<Vec3>) {
         let [width, height] = SIZE;
-        let on_device = GpuLayers::new(gpu, width, height, samples.len() as u32).expect("layers");
+        let on_device =
+            GpuLayers::new(gpu, gpu, [width, height], samples.len() as u32).expect("layers");
         let mut last = None;
         for (i, sample) in samples.iter().enumerate() {
             let receivers = GpuReceivers::upload(gpu, &sample.receivers, sky).expect("receivers");

@@ -202,8 +202,7 @@ fn kept(memory: &impl Memory, name: &'static str, pixels: usize) -> Result<Buf<[
 /// Memory of the filter for pictures of one size; for the lists of four numbers see [`kept`].
 #[derive(Debug)]
 pub struct Filter {
-    guess: Buf<[f32; 4]>,
-    /// Two signals before and after a pass.
+    /// Two signals before and after a pass; the second is that of the guess at first.
     pairs: [Buf<[f32; 4]>; 2],
     /// Frames behind every share where they are not counted.
     one_frame: Buf<f32>,
@@ -213,11 +212,12 @@ pub struct Filter {
 }
 
 impl Filter {
-    /// Memory for up to `signals` signals.
+    /// Memory for up to `signals` signals; `out` for what becomes of them.
     ///
     /// Errors: more pixels than the device can hold in one list
     pub fn new(
         memory: &impl Memory,
+        out: &impl Memory,
         width: usize,
         height: usize,
         signals: usize,
@@ -225,9 +225,8 @@ impl Filter {
         let gpu = memory.gpu();
         let pixels = width * height;
         let pair = || kept(memory, "pairs of shares", pixels);
-        let filtered = (0..signals).map(|_| memory.list("filtered shares", pixels));
+        let filtered = (0..signals).map(|_| out.list("filtered shares", pixels));
         Ok(Self {
-            guess: kept(memory, "guessed shares", pixels)?,
             pairs: [pair()?, pair()?],
             one_frame: gpu.upload("one frame", &[1.0])?,
             nothing: gpu.buffer("no shares", 1)?,
@@ -286,7 +285,8 @@ impl Filter {
         let params = rec.uniform(&NoisyParams { size: guides.size, rays });
         let (guide_positions, guide_normals) = (&guides.positions, &guides.normals);
         let [first, second] = pair.map(|signal| signal.shares);
-        let guess = Guess {
+        let [filtered, guess] = &self.pairs;
+        let first_guess = Guess {
             params,
             guide_positions,
             guide_normals,
@@ -294,9 +294,9 @@ impl Filter {
             second,
             first_frames,
             second_frames,
-            guess: &self.guess,
+            guess,
         };
-        rec.dispatch_pixels(&guess, guides.width(), guides.height());
+        rec.dispatch_pixels(&first_guess, guides.width(), guides.height());
         let first_pass = FirstPass {
             params,
             guide_positions,
@@ -305,8 +305,8 @@ impl Filter {
             second,
             first_frames,
             second_frames,
-            guess: &self.guess,
-            filtered: &self.pairs[0],
+            guess,
+            filtered,
         };
         rec.dispatch_pixels(&first_pass, guides.width(), guides.height());
     }
@@ -365,7 +365,7 @@ mod tests {
     ) -> Vec<Vec<[f32; 2]>> {
         let (width, height) = (receivers.width, receivers.height);
         let guides = Guides::new(gpu, width, height).expect("guides");
-        let filter = Filter::new(gpu, width, height, signals.len()).expect("filter");
+        let filter = Filter::new(gpu, gpu, width, height, signals.len()).expect("filter");
         let lists: Vec<_> = signals
             .iter()
             .map(|s| {

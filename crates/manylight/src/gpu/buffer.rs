@@ -84,6 +84,8 @@ impl Drop for HeldBytes {
 #[derive(Debug)]
 pub struct Buf<T> {
     raw: wgpu::Buffer,
+    /// Where in it the list begins, bytes.
+    offset: u64,
     len: usize,
     name: &'static str,
     held: Arc<HeldBytes>,
@@ -105,20 +107,21 @@ impl<T: Record> Buf<T> {
             usage,
             mapped_at_creation: false,
         });
-        Self { raw, len, name, held: Arc::new(gpu.hold_bytes(name, size)), holds: PhantomData }
+        let held = Arc::new(gpu.hold_bytes(name, size));
+        Self { raw, offset: 0, len, name, held, holds: PhantomData }
     }
 
     /// Bytes of `len` records.
-    pub(super) fn bytes(len: usize) -> u64 {
+    pub fn bytes(len: usize) -> u64 {
         let size = (len.max(1) * size_of::<T>()) as u64;
         // Mapping asks for multiples of four bytes.
         size.next_multiple_of(4)
     }
 
     /// A list in memory that other lists use at other times.
-    pub(super) fn within(block: &Block, name: &'static str, len: usize) -> Self {
+    pub(super) fn within(block: &Block, offset: u64, name: &'static str, len: usize) -> Self {
         let Block { raw, held } = block.clone();
-        Self { raw, len, name, held, holds: PhantomData }
+        Self { raw, offset, len, name, held, holds: PhantomData }
     }
 
     /// The memory of the list.
@@ -130,7 +133,7 @@ impl<T: Record> Buf<T> {
     pub fn binding(&self) -> wgpu::BindingResource<'_> {
         wgpu::BindingResource::Buffer(wgpu::BufferBinding {
             buffer: &self.raw,
-            offset: 0,
+            offset: self.offset,
             size: wgpu::BufferSize::new(Self::bytes(self.len)),
         })
     }
@@ -143,6 +146,11 @@ impl<T: Record> Buf<T> {
     /// Whether there is room for none.
     pub fn is_empty(&self) -> bool {
         self.len == 0
+    }
+
+    /// Where in its memory it begins, bytes.
+    pub(super) fn offset(&self) -> u64 {
+        self.offset
     }
 
     /// Name, for messages.

@@ -390,7 +390,7 @@ impl Gpu {
     /// Overwrites the first records of a buffer, before any work submitted later.
     pub fn write<T: Record>(&self, buffer: &Buf<T>, items: &[T]) {
         if !items.is_empty() {
-            self.queue.write_buffer(buffer.raw(), 0, bytemuck::cast_slice(items));
+            self.queue.write_buffer(buffer.raw(), buffer.offset(), bytemuck::cast_slice(items));
         }
     }
 
@@ -410,7 +410,7 @@ impl Gpu {
             mapped_at_creation: false,
         });
         let mut encoder = self.device.create_command_encoder(&Default::default());
-        encoder.copy_buffer_to_buffer(buffer.raw(), 0, &mapped, 0, size);
+        encoder.copy_buffer_to_buffer(buffer.raw(), buffer.offset(), &mapped, 0, size);
         self.queue.submit([encoder.finish()]);
         self.read_mapped(&mapped, count * size_of::<T>())
     }

@@ -32,7 +32,7 @@ pub use kernel::{Access, Constant, Kernel, KernelInfo, Port, STORE_FORMAT, Value
 pub(crate) use later::take_record;
 pub use later::{Arrival, Later};
 pub use linker::{Sources, link};
-pub use pool::{Memory, Phase, Pool};
+pub use pool::{Memory, Phase, Pool, Together};
 pub use recorder::{Recorder, Uniform};
 pub use shaders::SHADERS;
 pub use timer::StageTime;

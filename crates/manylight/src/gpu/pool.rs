@@ -3,7 +3,7 @@
 use super::buffer::HeldBytes;
 use super::{Buf, Gpu, Record};
 use crate::error::Error;
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::rc::Rc;
 use std::sync::Arc;
 
@@ -27,6 +27,11 @@ impl Memory for Gpu {
         self.buffer(name, len)
     }
 }
+
+/// How much larger than a list its memory may be; small lists leave large memory to others.
+const MOST_SLACK: u64 = 4;
+/// Where a list may begin, in bytes: the largest alignment a device may ask for.
+const ALIGNMENT: u64 = 256;
 
 /// A piece of memory that lists take in turns.
 #[derive(Clone, Debug)]
@@ -70,17 +75,74 @@ impl Memory for Phase<'_> {
     }
 
     fn list<T: Record>(&self, name: &'static str, len: usize) -> Result<Buf<T>, Error> {
-        let size = Buf::<T>::bytes(len);
-        let (mut blocks, mut taken) = (self.blocks.borrow_mut(), self.taken.borrow_mut());
-        let room = |i: &usize| !taken.contains(i) && blocks[*i].raw.size() >= size;
-        let found = (0..blocks.len()).filter(room).min_by_key(|&i| blocks[i].raw.size());
-        let Some(place) = found else {
-            let own = self.gpu.buffer(name, len)?;
-            blocks.push(own.block());
-            taken.push(blocks.len() - 1);
-            return Ok(own);
-        };
-        taken.push(place);
-        Ok(Buf::within(&blocks[place], name, len))
+        if let Some(block) = self.take(Buf::<T>::bytes(len)) {
+            return Ok(Buf::within(&block, 0, name, len));
+        }
+        let own = self.gpu.buffer(name, len)?;
+        self.keep(own.block());
+        Ok(own)
+    }
+}
+
+impl Phase<'_> {
+    /// Memory of some bytes that is free in this phase: the least there is.
+    fn take(&self, bytes: u64) -> Option<Block> {
+        let (blocks, mut taken) = (self.blocks.borrow(), self.taken.borrow_mut());
+        let fits = |size: u64| (bytes..=MOST_SLACK * bytes).contains(&size);
+        let is_free = |i: &usize| !taken.contains(i) && fits(blocks[*i].raw.size());
+        let found = (0..blocks.len()).filter(is_free).min_by_key(|&i| blocks[i].raw.size())?;
+        taken.push(found);
+        Some(blocks[found].clone())
+    }
+
+    /// New memory, taken in this phase.
+    fn keep(&self, block: Block) {
+        let mut blocks = self.blocks.borrow_mut();
+        self.taken.borrow_mut().push(blocks.len());
+        blocks.push(block);
+    }
+
+    /// One piece of memory for lists of which no kernel reads one and writes another: devices look
+    /// at memory as a whole. Each list gets its own where the device allows no piece as large.
+    ///
+    /// `bytes`: of each list, see [`Buf::bytes`]
+    /// Errors: more bytes than the device has left
+    pub fn together(&self, bytes: &[u64]) -> Result<Together<'_>, Error> {
+        let all: u64 = bytes.iter().map(|bytes| bytes.next_multiple_of(ALIGNMENT)).sum();
+        let mut block = None;
+        if all <= self.gpu.max_list_bytes() {
+            block = self.take(all);
+            if block.is_none() {
+                let own =
+                    self.gpu.buffer::<u32>("lists that are used together", all as usize / 4)?;
+                self.keep(own.block());
+                block = Some(own.block());
+            }
+        }
+        Ok(Together { phase: self, block, next: Cell::new(0) })
+    }
+}
+
+/// Memory for several lists, one behind the other.
+#[derive(Debug)]
+pub struct Together<'p> {
+    phase: &'p Phase<'p>,
+    block: Option<Block>,
+    next: Cell<u64>,
+}
+
+impl Memory for Together<'_> {
+    fn gpu(&self) -> &Gpu {
+        self.phase.gpu
+    }
+
+    /// Panics: beyond the bytes that were asked for
+    fn list<T: Record>(&self, name: &'static str, len: usize) -> Result<Buf<T>, Error> {
+        let Some(block) = &self.block else { return self.phase.list(name, len) };
+        let offset = self.next.get();
+        let end = offset + Buf::<T>::bytes(len);
+        assert!(end <= block.raw.size(), "{name} was not counted");
+        self.next.set(end.next_multiple_of(ALIGNMENT));
+        Ok(Buf::within(block, offset, name, len))
     }
 }

@@ -181,7 +181,7 @@ impl<'g> Recorder<'g> {
         groups: &Buf<[u32; 3]>,
         index: usize,
     ) {
-        let offset = (index * size_of::<[u32; 3]>()) as u64;
+        let offset = groups.offset() + (index * size_of::<[u32; 3]>()) as u64;
         self.bind(kernel).dispatch_workgroups_indirect(groups.raw(), offset);
     }
 
@@ -214,8 +214,8 @@ impl<'g> Recorder<'g> {
     /// Copies records from one buffer to the start of another.
     pub fn copy<T: Record>(&mut self, from: &Buf<T>, first: usize, to: &Buf<T>, count: usize) {
         let size = size_of::<T>() as u64;
-        let (start, bytes) = (first as u64 * size, count as u64 * size);
-        self.encoder().copy_buffer_to_buffer(from.raw(), start, to.raw(), 0, bytes);
+        let (start, bytes) = (from.offset() + first as u64 * size, count as u64 * size);
+        self.encoder().copy_buffer_to_buffer(from.raw(), start, to.raw(), to.offset(), bytes);
     }
 
     /// Hands the work to the device.

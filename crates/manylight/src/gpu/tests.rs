@@ -1,6 +1,6 @@
 use super::scan::Scan;
 use super::testing::{device, device_with};
-use super::{Arrival, Feature, Features, Gpu, Memory, Pool};
+use super::{Arrival, Buf, Feature, Features, Gpu, Memory, Pool};
 use crate::math::hash_u32;
 
 #[test]
@@ -123,8 +123,8 @@ fn lists_of_different_phases_share_memory_and_those_of_one_do_not() {
 fn a_list_ends_where_its_memory_goes_on() {
     let Some(gpu) = device() else { return };
     let pool = Pool::new(gpu);
-    let stale = pool.phase().list::<u32>("stale", 70_000).expect("list");
-    gpu.write(&stale, &vec![9; 70_000]);
+    let stale = pool.phase().list::<u32>("stale", 10_000).expect("list");
+    gpu.write(&stale, &vec![9; 10_000]);
     let phase = pool.phase();
     let values = phase.list::<u32>("values", 3000).expect("list");
     gpu.write(&values, &vec![1; 3000]);
@@ -133,8 +133,28 @@ fn a_list_ends_where_its_memory_goes_on() {
     scan.record(&mut rec, &values, 3000);
     rec.submit().wait().expect("done");
     let sums: Vec<u32> = (0..3000).collect();
-    assert_eq!(gpu.read(&values, 70_000).expect("read"), sums);
-    assert_eq!(gpu.read(&stale, 70_000).expect("read")[3000..], vec![9; 67_000]);
+    assert_eq!(values.raw(), stale.raw());
+    assert_eq!(gpu.read(&values, 10_000).expect("read"), sums);
+    assert_eq!(gpu.read(&stale, 10_000).expect("read")[3000..], vec![9; 7000]);
+
+    // Neighbors in one piece of memory.
+    let bytes = [Buf::<u32>::bytes(100), Buf::<[f32; 4]>::bytes(5)];
+    let phase = pool.phase();
+    let both = phase.together(&bytes).expect("memory");
+    let first = both.list::<u32>("first", 100).expect("list");
+    let second = both.list::<[f32; 4]>("second", 5).expect("list");
+    assert_eq!(first.raw(), second.raw());
+    gpu.write(&first, &vec![1; 100]);
+    gpu.write(&second, &[[2.0; 4]; 5]);
+    let scan = Scan::new(gpu, 100).expect("scan");
+    let copy = gpu.buffer::<[f32; 4]>("copy", 5).expect("list");
+    let mut rec = gpu.record(None);
+    scan.record(&mut rec, &first, 100);
+    rec.copy(&second, 1, &copy, 4);
+    rec.submit().wait().expect("done");
+    assert_eq!(gpu.read(&first, 100).expect("read"), sums[..100]);
+    assert_eq!(gpu.read(&second, 5).expect("read"), [[2.0; 4]; 5]);
+    assert_eq!(gpu.read(&copy, 5).expect("read")[..4], [[2.0; 4]; 4]);
 }
 
 /// A copy of some shader files that a test may change.

@@ -7,7 +7,7 @@ use crate::error::Error;
 use crate::filter::gpu::{Filter, Guides};
 use crate::filter::interleave::gpu::Join;
 use crate::gather::grid::gpu::{Gather, GatherCapacity};
-use crate::gpu::{Buf, Gpu, Later, Pool, Recorder};
+use crate::gpu::{Buf, Gpu, Later, Memory, Pool, Recorder};
 use crate::settings::{Method, Settings, ShadowSettings};
 use crate::surface::gpu::GpuReceivers;
 use std::sync::Arc;
@@ -72,7 +72,26 @@ struct Room {
     bounced: SetRoom,
 }
 
-/// What makes lights, gathers and filters them, in memory that they take in turns.
+impl Room {
+    /// What of it was learned still holds for another shape.
+    fn refitted(mut self, old: &Shape, shape: &Shape) -> Self {
+        if old.shadow != shape.shadow || old.interleave != shape.interleave {
+            let GatherCapacity { block_chunks, frontier, .. } = self.gather;
+            self.gather = GatherCapacity { block_chunks, frontier, ..GatherCapacity::default() };
+        }
+        if old.vpls[2] != shape.vpls[2] {
+            self.emitted = SetRoom::default();
+        }
+        if old.vpls[..2] != shape.vpls[..2] {
+            self.bounced = SetRoom::default();
+        }
+        self
+    }
+}
+
+/// What makes lights, gathers and filters them and puts the picture together, in memory that these
+/// take in turns: a list holds what it should from when it is written in a frame until all that
+/// reads it is done.
 #[derive(Debug)]
 pub(super) struct Work {
     /// Of the sets of lights, for when all of it is made anew.
@@ -83,37 +102,61 @@ pub(super) struct Work {
     pub bounced: Option<Lights>,
     /// Shared by the gathers, one after another.
     pub gather: Gather,
+    /// From sun, point and spot lights.
+    pub irradiance: Buf<[f32; 4]>,
+    pub sky: Option<Part>,
     pub guides: Guides,
     /// Where pixels see parts of the lights.
     pub join: Option<Join>,
     pub filter: Filter,
+    pub layers: GpuLayers,
 }
 
 impl Work {
-    fn new(gpu: &Gpu, shape: &Shape, settings: &Settings, room: Room) -> Result<Self, Error> {
-        let [width, height] = shape.size;
+    /// `layers` of several samples, where some of them are summed up already.
+    fn new(
+        gpu: &Gpu,
+        shape: &Shape,
+        settings: &Settings,
+        room: Room,
+        layers: Option<GpuLayers>,
+    ) -> Result<Self, Error> {
+        let size @ [width, height] = shape.size;
         let pool = Pool::new(gpu);
         // The largest lists come first.
         let gather = Gather::new(&pool.phase(), width, height, settings, room.gather)?;
         let lights = |on_emitters, room: &SetRoom| {
-            Lights::new(gpu, &pool, on_emitters, shape.size, settings, room)
+            Lights::new(gpu, &pool, on_emitters, size, settings, room)
         };
         let has_bounced = shape.method != Method::Direct;
         let bounced = has_bounced.then(|| lights(false, &room.bounced)).transpose()?;
         let emitted = shape.has_emitters.then(|| lights(true, &room.emitted)).transpose()?;
-        let filtering = pool.phase();
+
+        let ending = pool.phase();
         let has_signals = [shape.has_sky, shape.has_emitters, has_bounced];
         let signals = has_signals.into_iter().filter(|has| *has).count();
-        let guides = Guides::new(&filtering, width, height)?;
-        let join = shape.is_interleaved().then(|| Join::new(&filtering, width, height));
+        let (four, two) =
+            (Buf::<[f32; 4]>::bytes(width * height), Buf::<[f32; 2]>::bytes(width * height));
+        let sky_bytes = if shape.has_sky { &[four, two][..] } else { &[] };
+        // What the kernels of the filter and of the composite read.
+        let known = ending.together(&[&[four; 3], sky_bytes, &vec![two; signals]].concat())?;
+        let layers = match layers {
+            Some(layers) => layers,
+            None if shape.samples > 1 => GpuLayers::new(gpu, gpu, size, shape.samples)?,
+            None => GpuLayers::new(&ending.together(&[four; 3])?, &ending, size, 1)?,
+        };
+        let join = shape.is_interleaved().then(|| Join::new(&ending, width, height));
         Ok(Self {
             sets: [room.emitted, room.bounced],
             emitted,
             bounced,
             gather,
-            guides,
+            irradiance: known.list("direct irradiance", width * height)?,
+            sky: shape.has_sky.then(|| Part::new(&known, size)).transpose()?,
+            guides: Guides::new(&known, width, height)?,
             join: join.transpose()?,
-            filter: Filter::new(&filtering, width, height, signals)?,
+            filter: Filter::new(&ending, &known, width, height, signals)?,
+            layers,
         })
     }
 
@@ -134,11 +177,7 @@ pub(super) struct Buffers {
     /// Another one whenever a list is another one.
     generation: Arc<()>,
     pub receivers: GpuReceivers,
-    /// From sun, point and spot lights.
-    pub irradiance: Buf<[f32; 4]>,
-    pub sky: Option<Part>,
     pub work: Work,
-    pub layers: GpuLayers,
 }
 
 impl Buffers {
@@ -151,63 +190,22 @@ impl Buffers {
         size: [usize; 2],
         settings: &Settings,
     ) -> Result<Self, Error> {
-        let emitters = &renderer.renderer().emitters;
+        let (gpu, emitters) = (renderer.gpu(), &renderer.renderer().emitters);
         let (has_sky, has_emitters) = (emitters.sky.is_some(), !emitters.surface.is_empty());
         let shape = Shape::new(size, settings, has_sky, has_emitters);
-        match kept {
-            Some(kept) if kept.shape == shape => Ok(kept),
-            Some(kept) if kept.shape.size == size => kept.refitted(renderer.gpu(), shape, settings),
-            kept => {
-                drop(kept);
-                Self::new(renderer.gpu(), shape, settings)
-            }
-        }
-    }
-
-    fn new(gpu: &Gpu, shape: Shape, settings: &Settings) -> Result<Self, Error> {
-        let [width, height] = shape.size;
-        Ok(Self {
-            generation: Arc::default(),
-            receivers: GpuReceivers::new(gpu, width, height)?,
-            irradiance: gpu.buffer("direct irradiance", width * height)?,
-            sky: shape.has_sky.then(|| Part::new(gpu, shape.size)).transpose()?,
-            work: Work::new(gpu, &shape, settings, Room::default())?,
-            layers: GpuLayers::new(gpu, width, height, shape.samples)?,
-            shape,
-        })
-    }
-
-    /// Makes anew what another shape asks for; what it leaves as it was keeps what it has learned.
-    fn refitted(self, gpu: &Gpu, shape: Shape, settings: &Settings) -> Result<Self, Error> {
-        let Self { shape: old, receivers, irradiance, mut sky, work, mut layers, .. } = self;
-        let [width, height] = shape.size;
-        if old.samples != shape.samples {
-            drop(layers);
-            layers = GpuLayers::new(gpu, width, height, shape.samples)?;
-        }
-        if old.has_sky != shape.has_sky {
-            sky = shape.has_sky.then(|| Part::new(gpu, shape.size)).transpose()?;
-        }
-        let mut room = work.room();
-        if old.shadow != shape.shadow || old.interleave != shape.interleave {
-            let GatherCapacity { block_chunks, frontier, .. } = room.gather;
-            room.gather = GatherCapacity { block_chunks, frontier, ..GatherCapacity::default() };
-        }
-        if old.vpls[2] != shape.vpls[2] {
-            room.emitted = SetRoom::default();
-        }
-        if old.vpls[..2] != shape.vpls[..2] {
-            room.bounced = SetRoom::default();
-        }
-        let is_same_work = Shape { samples: old.samples, ..shape.clone() } == old;
-        let work = if is_same_work {
-            work
-        } else {
-            drop(work);
-            Work::new(gpu, &shape, settings, room)?
+        let kept = match kept {
+            Some(kept) if kept.shape == shape => return Ok(kept),
+            kept => kept.filter(|kept| kept.shape.size == size),
         };
-        let generation = Arc::default();
-        Ok(Self { shape, generation, receivers, irradiance, sky, work, layers })
+        let (receivers, room) = match kept {
+            None => (GpuReceivers::new(gpu, size[0], size[1])?, Room::default()),
+            // What goes must not stand beside what comes.
+            Some(Self { shape: old, receivers, work, .. }) => {
+                (receivers, work.room().refitted(&old, &shape))
+            }
+        };
+        let work = Work::new(gpu, &shape, settings, room, None)?;
+        Ok(Self { shape, generation: Arc::default(), receivers, work })
     }
 
     /// Whether they are those of frames of a size with some settings.
@@ -230,7 +228,7 @@ impl Buffers {
     /// The gathers of a frame of the grid method, in the order of their light's way.
     pub fn gathers(&self, settings: &Settings) -> Vec<GatherRef<'_>> {
         let rays = settings.shadow.rays;
-        let sky = self.sky.as_ref().map(|part| GatherRef {
+        let sky = self.work.sky.as_ref().map(|part| GatherRef {
             unshadowed: &part.unshadowed,
             ratio: &part.ratio,
             rays: super::sky_rays(settings),
@@ -297,20 +295,19 @@ impl Buffers {
         if !lacked {
             return Ok((self, false));
         }
-        let Self { shape, receivers, irradiance, sky, work, layers, .. } = self;
-        // What grows must not stand beside what it was.
-        drop(work);
-        let work = Work::new(gpu, &shape, settings, room)?;
+        let Self { shape, receivers, work, .. } = self;
+        let samples_so_far = (shape.samples > 1).then_some(work.layers);
         let generation = Arc::default();
-        Ok((Self { shape, generation, receivers, irradiance, sky, work, layers }, true))
+        let work = Work::new(gpu, &shape, settings, room, samples_so_far)?;
+        Ok((Self { shape, generation, receivers, work }, true))
     }
 }
 
 impl Part {
-    fn new(gpu: &Gpu, [width, height]: [usize; 2]) -> Result<Self, Error> {
+    fn new(memory: &impl Memory, [width, height]: [usize; 2]) -> Result<Self, Error> {
         Ok(Self {
-            unshadowed: gpu.buffer("light of the sky", width * height)?,
-            ratio: gpu.buffer("shadow ratios of the sky", width * height)?,
+            unshadowed: memory.list("light of the sky", width * height)?,
+            ratio: memory.list("shadow ratios of the sky", width * height)?,
         })
     }
 }

@@ -244,16 +244,8 @@ impl GpuRenderer {
     ) {
         let Job { settings, .. } = job;
         let (seed, draws, d_min) = (job.seed(), job.draws(), self.renderer.d_min(settings));
-        let Buffers { receivers, layers, .. } = buffers;
+        let Buffers { receivers, work: Work { irradiance, layers, .. }, .. } = buffers;
         self.record_receivers(rec, buffers, job);
-        if let Some(sky) = &buffers.sky {
-            rec.stage("sky");
-            let rays = sky_rays(settings);
-            // Unless its ratio is smoothed, what arrives is known in every channel.
-            let exact = !settings.filter.enabled;
-            let sky_rays = SkyRays { rays, seed: draws ^ 5, exact };
-            record_sky(rec, receivers, sky_rays, &sky.unshadowed, &sky.ratio);
-        }
         let normal_maps = settings.surface.normal_maps;
         if let Some(lights) = &buffers.work.emitted {
             if !job.keeps_lights {
@@ -271,16 +263,16 @@ impl GpuRenderer {
             }
             lights.gather(rec, buffers, settings, d_min, draws ^ 4);
         }
+        // From here on nothing that a gather needs is left; see [`Work`].
+        // Unless its ratio is smoothed, what arrives from the sky is known in every channel.
+        let exact = !settings.filter.enabled;
+        let sky_rays = SkyRays { rays: sky_rays(settings), seed: draws ^ 5, exact };
+        self.record_direct(rec, buffers, job, sky_rays);
         self.record_guides(rec, buffers, job);
         let gathers = buffers.gathers(settings);
         let smooth = self.record_filter(rec, buffers, &gathers, job, history);
-        layers.begin(
-            rec,
-            receivers,
-            &buffers.irradiance,
-            job.sample,
-            buffers.work.bounced.is_some(),
-        );
+        let is_lit = buffers.work.bounced.is_some();
+        layers.begin(rec, receivers, irradiance, job.sample, is_lit);
         let mut smooth = smooth.iter();
         for gather in &gathers {
             let filtered = if gather.rays > 0 { smooth.next() } else { None };
@@ -332,7 +324,7 @@ impl GpuRenderer {
         }
     }
 
-    /// Receivers, what the sky gives to the other pixels, and light from points and suns.
+    /// Receivers, and what the sky gives to the other pixels.
     fn record_receivers(&self, rec: &mut Recorder<'_>, buffers: &Buffers, job: Job<'_>) {
         let (view, offset_px) = (job.view, job.offset_px());
         rec.stage("receivers");
@@ -342,8 +334,23 @@ impl GpuRenderer {
             Some(textures) => buffers.receivers.load(rec, textures),
         }
         record_background(rec, &buffers.receivers, view, offset_px);
+    }
+
+    /// Light from points, suns and the sky.
+    fn record_direct(
+        &self,
+        rec: &mut Recorder<'_>,
+        buffers: &Buffers,
+        job: Job<'_>,
+        sky_rays: SkyRays,
+    ) {
+        let Buffers { receivers, work: Work { irradiance, sky, .. }, .. } = buffers;
         rec.stage("direct");
-        record_lights(rec, &buffers.receivers, job.seed(), &buffers.irradiance);
+        record_lights(rec, receivers, job.seed(), irradiance);
+        if let Some(sky) = sky {
+            rec.stage("sky");
+            record_sky(rec, receivers, sky_rays, &sky.unshadowed, &sky.ratio);
+        }
     }
 
     /// The frame of the brute method: long work in many submissions.
@@ -356,29 +363,20 @@ impl GpuRenderer {
         let (settings, seed) = (job.settings, job.seed());
         let d_min = self.renderer.d_min(settings);
         let normal_maps = settings.surface.normal_maps;
-        let Buffers { receivers, layers, .. } = buffers;
+        let Buffers { receivers, work, .. } = buffers;
+        let Work { emitted, bounced, irradiance, sky, layers, .. } = work;
         let mut rec = self.gpu.record(Some(self.scene.group()));
         self.record_receivers(&mut rec, buffers, job);
-        if let Some(sky) = &buffers.sky {
-            rec.stage("sky");
-            let sky_rays = SkyRays { rays: BRUTE_SKY_RAYS, seed: seed ^ 5, exact: true };
-            record_sky(&mut rec, receivers, sky_rays, &sky.unshadowed, &sky.ratio);
-        }
-        let sets =
-            [(&buffers.work.emitted, seed ^ 1, true), (&buffers.work.bounced, seed ^ 3, false)];
+        let sets = [(emitted, seed ^ 1, true), (bounced, seed ^ 3, false)];
         for (lights, seed, is_direct) in sets {
             let Some(lights) = lights else { continue };
             rec.stage(if is_direct { "emitter vpls" } else { "vpls" });
             lights.trace(&mut rec, normal_maps, seed);
         }
-        layers.begin(
-            &mut rec,
-            receivers,
-            &buffers.irradiance,
-            job.sample,
-            buffers.work.bounced.is_some(),
-        );
-        if let Some(sky) = &buffers.sky {
+        let sky_rays = SkyRays { rays: BRUTE_SKY_RAYS, seed: seed ^ 5, exact: true };
+        self.record_direct(&mut rec, buffers, job, sky_rays);
+        layers.begin(&mut rec, receivers, irradiance, job.sample, bounced.is_some());
+        if let Some(sky) = sky {
             let arriving = Arriving::Ratio(&sky.ratio);
             let unshadowed = &sky.unshadowed;
             layers.add(
@@ -411,7 +409,7 @@ impl GpuRenderer {
     /// Brings the picture back.
     fn finish(&self, settings: &Settings, times: Vec<StageTime>) -> Result<Frame, Error> {
         let buffers = self.buffers.as_ref().expect("a sample was rendered");
-        let layers = buffers.layers.download(&self.gpu, &buffers.receivers)?;
+        let layers = buffers.work.layers.download(&self.gpu, &buffers.receivers)?;
         let bounced = buffers.work.bounced.as_ref().filter(|_| settings.method == Method::Grid);
         let alpha = bounced.map(|lights| lights.alpha(&self.gpu)).transpose()?.flatten();
         let evals = layers.evals.iter().map(|&e| f64::from(e)).sum::<f64>() as u64;

@@ -381,7 +381,7 @@ impl<'a> Diff<'a> {
         }
         let noisy: Vec<_> = noisy().collect();
         let guides = Guides::new(gpu, view.width, view.height)?;
-        let filter = Filter::new(gpu, view.width, view.height, signals.len())?;
+        let filter = Filter::new(gpu, gpu, view.width, view.height, signals.len())?;
         let mut smooth: &[Buf<[f32; 2]>] = &[];
         self.submit(|rec| {
             guides.record(rec, &self.planes, view);
@@ -408,7 +408,7 @@ impl<'a> Diff<'a> {
         let ViewFrame { width, height, .. } = *self.job.view;
         let mut expected = Layers::new(&self.receivers, |d| self.engine.renderer().sky(d));
         expected.set_direct(irradiance);
-        let on_device = GpuLayers::new(gpu, width, height, 1)?;
+        let on_device = GpuLayers::new(gpu, gpu, [width, height], 1)?;
         let upload = |values: &[Vec3], fourth: &dyn Fn(usize) -> f32| {
             let records: Vec<_> =
                 values.iter().enumerate().map(|(i, v)| v.extend(fourth(i)).to_array()).collect();

@@ -221,7 +221,7 @@ impl EngineTargets<'_> {
     }
 
     fn store(&self, rec: &mut Recorder<'_>, buffers: &Buffers) {
-        let layers = &buffers.layers;
+        let layers = &buffers.work.layers;
         let size = [layers.width, layers.height];
         rec.stage("store");
         record_store(rec, size, [&layers.beauty, &layers.beauty], self.composite);

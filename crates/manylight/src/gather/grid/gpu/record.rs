@@ -120,8 +120,8 @@ impl GridCapacity {
     /// smaller sets of fine scenes need more.
     pub fn for_vpls(gpu: &Gpu, vpls: usize) -> Self {
         let most = |record: usize| gpu.max_list_bytes() as usize / record;
-        let cells = (vpls / 5 * 2 + 20_000).min(most(size_of::<CellRecord>()));
-        let lights = (vpls / 5 * 4 + 80_000).min(most(size_of::<GridLightRecord>()));
+        let cells = (vpls / 3 + 20_000).min(most(size_of::<CellRecord>()));
+        let lights = (vpls / 4 * 3 + 40_000).min(most(size_of::<GridLightRecord>()));
         Self { vpls, cells, lights }
     }
 

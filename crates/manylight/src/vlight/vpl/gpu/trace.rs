@@ -13,8 +13,8 @@ use crate::gpu::{
 use crate::vlight::vpl::trace::{BATCH, MAX_NORMAL_CORRECTION, PATHS_PER_LIGHT};
 use crate::{bvh, emitter, world};
 
-/// Fewest and most lights that a batch has slots for; the most are 96 MiB.
-const SLOTS: [u32; 2] = [1 << 16, 1 << 21];
+/// Fewest and most lights that a batch has slots for; the most are 48 MiB.
+const SLOTS: [u32; 2] = [1 << 16, 1 << 20];
 /// Paths per light that the recorded rounds are enough for, at least.
 const EXPECTED_PATHS_PER_LIGHT: u32 = 3;
 /// Paths per workgroup: few, since their lengths differ.
