@@ -7,6 +7,7 @@
 //! Limits: `wgpu::Limits::defaults()` and no optional feature is enough; [`Features`] are used
 //! where a device offers them.
 
+mod adapter;
 mod buffer;
 mod device;
 mod features;
@@ -23,9 +24,10 @@ mod shaders;
 pub(crate) mod testing;
 mod timer;
 
+pub use adapter::{AdapterDescription, GpuOptions, describe_adapters};
 pub(crate) use buffer::record;
 pub use buffer::{Buf, HeldBytes, Record};
-pub use device::{AdapterDescription, Gpu, GpuOptions, describe_adapters};
+pub use device::Gpu;
 pub use features::{Feature, Features, Variant};
 pub(crate) use kernel::kernel;
 pub use kernel::{Access, Constant, Kernel, KernelInfo, Port, STORE_FORMAT, Value};
