@@ -272,9 +272,9 @@ fn halves_change_a_picture_little_and_repeat_themselves() {
 fn ray_queries_render_the_same_picture_and_the_same_bits() {
     let Some(gpu) = device_with(Feature::RayQueries) else { return };
     let settings = few("balanced");
-    with_scene(gpu, builtin("cornell"), |both| {
+    with_scene(gpu, builtin("atrium"), |both| {
         let [a, b] = [(); 2].map(|()| both.on_device(SIZE, &settings));
-        let flip = both.check_layers("cornell", &settings, &a);
+        let flip = both.check_layers("atrium", &settings, &a);
         println!("FLIP {flip:.5} with ray queries");
         assert!(bits(&a) == bits(&b), "two runs");
     });

@@ -36,6 +36,9 @@ const NONE: u32 = u32::MAX;
 const WRAP_REPEAT: u32 = 0;
 const WRAP_MIRROR: u32 = 1;
 const WRAP_CLAMP: u32 = 2;
+/// Relative difference of distances below which triangles are looked at again, since the hardware
+/// may round them otherwise.
+const TIE_SLACK: f32 = 1e-5;
 const ALPHA_OPAQUE: u32 = 0;
 const ALPHA_MASK: u32 = 1;
 const ALPHA_BLEND: u32 = 2;
@@ -53,6 +56,7 @@ pub const CONSTANTS: &[Constant] = &[
     Constant { name: "WRAP_MIRROR", value: Value::U32(WRAP_MIRROR) },
     Constant { name: "ALPHA_OPAQUE", value: Value::U32(ALPHA_OPAQUE) },
     Constant { name: "ALPHA_MASK", value: Value::U32(ALPHA_MASK) },
+    Constant { name: "TIE_SLACK", value: Value::F32(TIE_SLACK) },
 ];
 
 record! {
