@@ -4,7 +4,9 @@
 
 use super::{LEAST_TRUST, LEAST_VARIANCE, PLANE_SLACK, ROUNDING, sweep};
 use crate::error::Error;
-use crate::gpu::{Buf, Constant, Feature, GROUP, KernelInfo, MAX_GROUPS, Memory, Recorder, Value};
+use crate::gpu::{
+    Buf, Constant, Feature, GROUP, Gpu, KernelInfo, MAX_GROUPS, Memory, Recorder, Value,
+};
 use crate::gpu::{kernel, record};
 use crate::settings::FilterSettings;
 use crate::surface::ViewFrame;
@@ -199,6 +201,21 @@ fn kept(memory: &impl Memory, name: &'static str, pixels: usize) -> Result<Buf<[
     memory.list(name, if is_half { pixels.div_ceil(2) } else { pixels })
 }
 
+/// Largest rounding of a number of 16 bits, in parts of it.
+const HALF_ROUNDING: f32 = 1.0 / 2048.0;
+
+/// By how much a filtered share or its deviation may differ from the processor's.
+///
+/// In halves the guess and every pass round a share, at most 1, once. Weights are off by eight
+/// roundings, as products of four cosines of two normals; that shifts what lies between two shares
+/// by a quarter of it at most.
+pub fn most_off(gpu: &Gpu, settings: &FilterSettings) -> f32 {
+    match gpu.features().has(Feature::Half) {
+        true => (settings.passes + 1) as f32 * (1.0 + 8.0 / 4.0) * HALF_ROUNDING,
+        false => 1e-4,
+    }
+}
+
 /// Memory of the filter for pictures of one size; for the lists of four numbers see [`kept`].
 #[derive(Debug)]
 pub struct Filter {
@@ -318,7 +335,6 @@ mod tests {
     use super::*;
     use crate::filter::{Noisy, atrous};
     use crate::frame::Renderer;
-    use crate::gpu::Gpu;
     use crate::gpu::testing::{check_kernel, device, device_with};
     use crate::math::{hash_u32, unit_f32};
     use crate::surface::Receivers;
@@ -435,9 +451,6 @@ mod tests {
         assert_eq!(once, run(gpu, &on_device, &view, &signals, &settings));
     }
 
-    /// Largest rounding of a number of 16 bits, in parts of it.
-    const HALF_ROUNDING: f32 = 1.0 / 2048.0;
-
     #[test]
     fn halves_filter_as_whole_numbers_do() {
         let Some(base) = device() else { return };
@@ -459,10 +472,7 @@ mod tests {
             };
             let worst = [off(|pair| pair[0]), off(|pair| pair[1].sqrt())];
             println!("{name}, {passes} passes: {worst:?} of share and deviation");
-            // Shares are at most 1, and the guess and every pass round one once. Weights are off by
-            // eight roundings, as products of four cosines of two normals; that shifts what lies
-            // between two shares by a quarter of it at most.
-            let most = (passes + 1) as f32 * (1.0 + 8.0 / 4.0) * HALF_ROUNDING;
+            let most = most_off(&gpu, &settings);
             assert!(worst.iter().all(|off| *off <= most), "{name}: {worst:?} above {most}");
             assert!(worst[0] > 0.0, "{name}: nothing is kept in halves");
         }

@@ -14,6 +14,7 @@ mod features;
 mod kernel;
 mod later;
 mod linker;
+mod pace;
 mod pool;
 mod recorder;
 #[cfg(debug_assertions)]
@@ -34,6 +35,7 @@ pub use kernel::{Access, Constant, Kernel, KernelInfo, Port, STORE_FORMAT, Value
 pub(crate) use later::take_record;
 pub use later::{Arrival, Later};
 pub use linker::{Sources, link};
+pub use pace::Pace;
 pub use pool::{Memory, Phase, Pool, Together};
 pub use recorder::{Recorder, Uniform};
 pub use shaders::SHADERS;

@@ -6,7 +6,7 @@
 
 use super::PIXEL_KEY;
 use crate::error::Error;
-use crate::gpu::{Buf, Constant, Gpu, MAX_GROUPS, Recorder, Value, kernel, record};
+use crate::gpu::{Buf, Constant, Gpu, MAX_GROUPS, Pace, Recorder, Value, kernel, record};
 use crate::surface::ViewFrame;
 use crate::surface::gpu::ViewRecord;
 use crate::{bvh, direct, emitter, shadow, world};
@@ -17,8 +17,8 @@ use std::time::Instant;
 const BLOCK: u32 = 32;
 /// Most pixels of a dispatch.
 const TILE: usize = 1 << 18;
-/// What a submission should take, s: far below the time after which a driver gives up.
-const SUBMISSION_TIME: f64 = 0.15;
+/// Paths of the first submission.
+const FIRST_PATHS: usize = 1 << 14;
 /// Paths of a workgroup: few, since their lengths differ.
 const GROUP: u32 = 64;
 
@@ -146,13 +146,15 @@ impl GpuPaths {
         progress: &dyn Fn(f64),
     ) -> Result<(), Error> {
         let all = view.width * view.height;
-        let mut run = 1;
-        for first in (0..all).step_by(TILE) {
-            let pixels = (all - first).min(TILE);
+        let mut pace = Pace::new(FIRST_PATHS);
+        let mut first = 0;
+        while first < all {
+            let pixels = pace.share(1, TILE.min(all - first));
             let tile = Tile { first_pixel: first as u32, pixels: pixels as u32 };
             let mut sample = 0;
             while sample < paths.spp {
-                let end = sample.saturating_add(run).min(paths.spp);
+                let run = pace.times(pixels).clamp(1, 2 * BLOCK as usize);
+                let end = sample.saturating_add(run as u32).min(paths.spp);
                 let started = Instant::now();
                 let mut rec = gpu.record(Some(scene));
                 rec.stage("paths");
@@ -162,11 +164,10 @@ impl GpuPaths {
                 rec.submit().wait()?;
                 let done = f64::from(end) / f64::from(paths.spp);
                 progress((first as f64 + pixels as f64 * done) / all as f64);
-                let pace = SUBMISSION_TIME / started.elapsed().as_secs_f64().max(1e-4);
-                let next = f64::from(end - sample) * pace.clamp(0.25, 4.0);
-                run = (next as u32).clamp(1, 2 * BLOCK);
+                pace.learn(pixels * (end - sample) as usize, started.elapsed());
                 sample = end;
             }
+            first += pixels;
         }
         Ok(())
     }

@@ -19,7 +19,7 @@ use crate::direct::gpu::{SkyRays, record_lights, record_sky};
 use crate::emitter::SkyEmitter;
 use crate::emitter::gpu::record_background;
 use crate::error::Error;
-use crate::filter::gpu::{Filter, GpuNoisy, Guides};
+use crate::filter::gpu::{Filter, GpuNoisy, Guides, most_off};
 use crate::filter::interleave;
 use crate::filter::interleave::gpu::Join;
 use crate::frame::stage::Clock;
@@ -393,7 +393,8 @@ impl<'a> Diff<'a> {
         engine.renderer().filter_ratios(gathers, seen, settings, None, &mut clock);
         let expected = noisy.iter().flat_map(|&i| &gathers[i].0.shadow_ratio);
         let pairs = expected.zip(found.iter().flatten()).map(|(a, b)| (*a, b[0]));
-        self.rows.push(numbers(["filter", "smooth ratio"], pairs, (1e-4, ""), 0.0));
+        let most = most_off(gpu, &settings.filter);
+        self.rows.push(numbers(["filter", "smooth ratio"], pairs, (f64::from(most), ""), 0.0));
         Ok(())
     }
 

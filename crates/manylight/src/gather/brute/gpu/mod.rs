@@ -5,7 +5,7 @@
 //! same whatever the runs are.
 
 use crate::error::Error;
-use crate::gpu::{Buf, Constant, Gpu, MAX_GROUPS, Value, kernel, record};
+use crate::gpu::{Buf, Constant, Gpu, MAX_GROUPS, Pace, Value, kernel, record};
 use crate::surface::gpu::GpuReceivers;
 use crate::vlight::vpl::gpu::VplRecord;
 use crate::{bvh, direct, shadow, surface, world};
@@ -17,8 +17,6 @@ const BLOCK: usize = 256;
 const TILE: usize = 1 << 18;
 /// Receivers × lights of the first submission.
 const FIRST_PAIRS: usize = 1 << 22;
-/// What a submission should take, s: far below the time after which a driver gives up.
-const SUBMISSION_TIME: f64 = 0.15;
 /// Receivers of a workgroup: their rays go to the same lights.
 const GROUP: u32 = 64;
 
@@ -128,12 +126,13 @@ impl GpuBrute {
     ) -> Result<(), Error> {
         let GpuReceivers { positions, normals, .. } = receivers;
         let all = receivers.width * receivers.height;
-        let mut pairs = FIRST_PAIRS;
-        for first_pixel in (0..all).step_by(TILE) {
-            let pixels = (all - first_pixel).min(TILE);
+        let mut pace = Pace::new(FIRST_PAIRS);
+        let mut first_pixel = 0;
+        while first_pixel < all {
+            let pixels = pace.share(BLOCK, TILE.min(all - first_pixel));
             let mut first = 0;
             loop {
-                let run = (pairs / pixels).next_multiple_of(BLOCK).max(BLOCK);
+                let run = pace.times(pixels).next_multiple_of(BLOCK).max(BLOCK);
                 let end = count.min(first + run);
                 let started = Instant::now();
                 let mut rec = gpu.record(Some(scene));
@@ -153,13 +152,13 @@ impl GpuBrute {
                 rec.submit().wait()?;
                 let share = if end == count { 1.0 } else { end as f64 / count as f64 };
                 progress((first_pixel as f64 + pixels as f64 * share) / all as f64);
+                pace.learn(pixels * (end - first), started.elapsed());
                 if end == count {
                     break;
                 }
-                let pace = SUBMISSION_TIME / started.elapsed().as_secs_f64().max(1e-4);
-                pairs = ((pixels * (end - first)) as f64 * pace.clamp(0.25, 4.0)) as usize;
                 first = end;
             }
+            first_pixel += pixels;
         }
         Ok(())
     }

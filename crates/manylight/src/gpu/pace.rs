@@ -1,0 +1,59 @@
+//! Long work in pieces: no driver loses patience, and there is progress to tell of.
+
+use std::time::Duration;
+
+/// What a submission should take, s; no dispatch in it takes longer.
+const SUBMISSION_TIME: f64 = 0.04;
+/// Fewest items along one side of the work that a dispatch gets: a few workgroups.
+const LEAST: usize = 256;
+
+/// How much work the next submission gets, by how long the last ones took.
+#[derive(Clone, Copy, Debug)]
+pub struct Pace {
+    work: f64,
+}
+
+impl Pace {
+    /// `work` for the first submission, in whatever the caller counts.
+    pub fn new(work: usize) -> Self {
+        Self { work: work as f64 }
+    }
+
+    /// How often `of` the next submission gets, of `most` that there is room for.
+    pub fn share(&self, of: usize, most: usize) -> usize {
+        ((self.work / of as f64) as usize).max(LEAST).min(most)
+    }
+
+    /// How often `of` the next submission gets; maybe not once.
+    pub fn times(&self, of: usize) -> usize {
+        (self.work / of as f64) as usize
+    }
+
+    /// Learns that some work took a time.
+    pub fn learn(&mut self, work: usize, time: Duration) {
+        let pace = SUBMISSION_TIME / time.as_secs_f64().max(1e-4);
+        self.work = work as f64 * pace.clamp(0.25, 4.0);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn submissions_come_to_their_time() {
+        // A device that does so many items a second.
+        for rate in [1e5, 1e8, 1e11] {
+            let mut pace = Pace::new(1 << 20);
+            let mut last = 0.0;
+            for _ in 0..40 {
+                let work = pace.share(1, usize::MAX).max(1);
+                last = work as f64 / rate;
+                pace.learn(work, Duration::from_secs_f64(last));
+            }
+            assert!((0.9..1.1).contains(&(last / SUBMISSION_TIME)), "{rate}: {last} s");
+        }
+        assert_eq!((Pace::new(10).share(1, 100_000), Pace::new(10).share(1, 60)), (LEAST, 60));
+        assert_eq!((Pace::new(10).times(3), Pace::new(10).times(11)), (3, 0));
+    }
+}
