@@ -10,8 +10,8 @@ import package::world::scene;
 
 // A triangle that the hardware found.
 struct Met {
-    // Distance and barycentrics are those that the walk by shaders finds, where its test agrees that
-    // the ray meets the triangle.
+    // Distance and barycentrics are those that the walk by shaders finds, where its test agrees
+    // that the ray meets the triangle.
     hit: Hit,
     is_sure: bool,
     is_opaque: bool,
