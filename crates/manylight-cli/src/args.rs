@@ -93,9 +93,10 @@ pub struct RenderArgs {
     #[arg(long, requires = "frames")]
     pub overwrite: bool,
     /// Where filter.temporal adds frames up: how many are rendered and not written before the first
-    /// one and before each that follows skipped ones; default: filter.history. From frame 0 on, a
-    /// frame has the same bits in any run: --warm-up 1000000
-    #[arg(long, value_name = "N", requires = "frames")]
+    /// one and before each that follows skipped ones; default: filter.history. On one device frames
+    /// that are warmed up from frame 0 have the same bits in any run: --warm-up 1000000
+    #[arg(long, value_name = "N", requires = "frames",
+        value_parser = clap::value_parser!(u32).range(0..=1_000_000))]
     pub warm_up: Option<u32>,
     /// Settings
     #[command(flatten)]

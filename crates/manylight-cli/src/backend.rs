@@ -156,7 +156,7 @@ impl Engine {
     /// What is used of a graphics device beyond what every one has.
     pub fn features(&self) -> Vec<&'static str> {
         match self {
-            Self::Cpu(_) => Vec::new(),
+            Self::Cpu(_) | Self::Gpu(_, Fallback::Done) => Vec::new(),
             Self::Gpu(engine, _) => engine.gpu().features().names(),
         }
     }
@@ -164,7 +164,9 @@ impl Engine {
     /// Backend and device, for the metadata of a picture.
     pub fn names(&self) -> [String; 2] {
         match self {
-            Self::Cpu(_) => ["cpu".to_owned(), format!("{} threads", rayon::current_num_threads())],
+            Self::Cpu(_) | Self::Gpu(_, Fallback::Done) => {
+                ["cpu".to_owned(), format!("{} threads", rayon::current_num_threads())]
+            }
             Self::Gpu(engine, _) => ["gpu".to_owned(), engine.gpu().name().to_owned()],
         }
     }

@@ -39,7 +39,7 @@ pub fn run(args: &BenchArgs) -> Result<Outcome, Failure> {
         let shot = render::load(scene, args.json)?;
         let settings = render::settings(&args.settings, &shot)?;
         let size = render::size(&args.settings, &shot.camera)?;
-        memory::check_render(size, &settings)?;
+        memory::check_render(size, &settings, true)?;
         let camera = shot.camera.clone();
         if args.is_of_frames() {
             let mut engine = Engine::new(shot.scene, args.backend, &settings, args.json)?;

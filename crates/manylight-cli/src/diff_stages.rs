@@ -20,7 +20,7 @@ pub fn run(args: &DiffStagesArgs) -> Result<Outcome, Failure> {
         Some(_) => render::size(&args.settings, &shot.camera)?,
         None => SIZE,
     };
-    memory::check_render(size, &settings)?;
+    memory::check_render(size, &settings, false)?;
     let gpu = open(&settings)?;
     let renderer = Renderer::new(shot.scene)?;
     let engine = GpuRenderer::new(gpu, renderer).map_err(|(_, reason)| reason)?;

@@ -23,9 +23,13 @@ const BYTES_OF_PAST: u64 = 235;
 const BYTES_PER_LIGHT: u64 = 440;
 
 /// Refuses a render that is far beyond the free memory.
-pub fn check_render(size: [usize; 2], settings: &Settings) -> Result<(), Failure> {
+pub fn check_render(
+    size: [usize; 2],
+    settings: &Settings,
+    is_sequence: bool,
+) -> Result<(), Failure> {
     match find_available() {
-        Some(available) => check_fit(size, settings, available),
+        Some(available) => check_fit(size, settings, is_sequence, available),
         None => Ok(()),
     }
 }
@@ -33,10 +37,11 @@ pub fn check_render(size: [usize; 2], settings: &Settings) -> Result<(), Failure
 fn check_fit(
     [width, height]: [usize; 2],
     settings: &Settings,
+    is_sequence: bool,
     available: u64,
 ) -> Result<(), Failure> {
     let lights = u64::from(settings.vpls.count) + u64::from(settings.vpls.emitter_count);
-    let past = if settings.filter.temporal { BYTES_OF_PAST } else { 0 };
+    let past = if is_sequence && settings.adds_up() { BYTES_OF_PAST } else { 0 };
     let needed = (width * height) as u64 * (BYTES_PER_PIXEL + past) + lights * BYTES_PER_LIGHT;
     if needed <= available {
         return Ok(());
@@ -75,15 +80,16 @@ mod tests {
     #[test]
     fn renders_beyond_the_free_memory_are_refused() {
         let settings = Settings::default();
-        assert!(check_fit([1280, 720], &settings, 1 << 30).is_ok());
-        let error = check_fit([16384, 16384], &settings, 1 << 30).expect_err("100 GB");
+        assert!(check_fit([1280, 720], &settings, true, 1 << 30).is_ok());
+        let error = check_fit([16384, 16384], &settings, true, 1 << 30).expect_err("100 GB");
         assert!(error.to_string().contains("1024 MiB are free; choose a smaller"), "{error}");
         let mut sequence = Settings::default();
-        assert!(check_fit([1400, 1400], &sequence, 1 << 30).is_ok());
+        assert!(check_fit([1400, 1400], &sequence, true, 1 << 30).is_ok());
         sequence.filter.temporal = true;
-        assert!(check_fit([1400, 1400], &sequence, 1 << 30).is_err());
+        assert!(check_fit([1400, 1400], &sequence, true, 1 << 30).is_err());
+        assert!(check_fit([1400, 1400], &sequence, false, 1 << 30).is_ok());
         let mut many = Settings::default();
         many.vpls.count = 16_000_000;
-        assert!(check_fit([8, 8], &many, 1 << 30).is_err());
+        assert!(check_fit([8, 8], &many, true, 1 << 30).is_err());
     }
 }

@@ -75,7 +75,18 @@ pub fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     let frames = args.frames.as_deref().map(sequence::parse).transpose()?;
     output::check(&args.output, &["exr", "png", "pfm"])?;
     output::check(args.heatmap.as_slice(), &["png"])?;
-    output::check_distinct(args.output.iter().chain(&args.heatmap))?;
+    let files = args.output.iter().chain(&args.heatmap);
+    match &frames {
+        None => output::check_distinct(files)?,
+        // Where names meet at all they do at one end.
+        Some(frames) => {
+            for frame in [*frames.start(), *frames.end()] {
+                let files: Vec<_> =
+                    files.clone().map(|path| sequence::file_of(path, frame)).collect();
+                output::check_distinct(files.iter())?;
+            }
+        }
+    }
     if args.quiet && !args.json && args.output.is_empty() && args.heatmap.is_none() {
         return Err("--quiet without -o would leave nothing; name a file".into());
     }
@@ -90,7 +101,7 @@ pub fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
         return Err("--heatmap: paths evaluate no virtual lights; leave it out".into());
     }
     let size = size(&args.settings, &shot.camera)?;
-    memory::check_render(size, &settings)?;
+    memory::check_render(size, &settings, frames.is_some())?;
     let scene_hash = hash_of(&shot);
     let (camera, path) = (shot.camera, shot.path);
     let load_ms = start.elapsed().as_secs_f64() * 1e3;
@@ -153,16 +164,20 @@ impl Run<'_> {
             writeln!(std::io::stderr(), "{finished} frames {kept}")?;
         }
         let filter = &self.settings.filter;
-        let warm_up = filter.temporal.then(|| args.warm_up.unwrap_or(filter.history));
+        let warm_up = self.settings.adds_up().then(|| args.warm_up.unwrap_or(filter.history));
         let mut past = Past::default();
+        // Where what is remembered begins.
+        let mut first = None;
         for step in sequence::plan(unfinished.into_iter(), warm_up) {
             let number = match step {
                 Step::Forget => {
                     self.engine.forget(&mut past);
+                    first = None;
                     continue;
                 }
                 Step::WarmUp(number) | Step::Write(number) => number,
             };
+            let first = *first.get_or_insert(number);
             let camera = camera(number);
             let start = Instant::now();
             let Self { engine, settings, size, .. } = self;
@@ -173,7 +188,7 @@ impl Run<'_> {
             let render_ms = start.elapsed().as_secs_f64() * 1e3;
             let is_written = matches!(step, Step::Write(_));
             if is_written {
-                self.write(&frame, &camera, render_ms, Some(number))?;
+                self.write(&frame, &camera, render_ms, Some([first, number]))?;
             }
             if !args.json && !args.quiet {
                 let note = if is_written { "" } else { ", not written" };
@@ -183,15 +198,17 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// Writes a picture into all files, and about it as JSON.
+    /// Writes a picture into all files, and about it as JSON; `frames` is where its past began,
+    /// and itself.
     fn write(
         &self,
         frame: &Frame,
         camera: &Camera,
         render_ms: f64,
-        number: Option<u32>,
+        frames: Option<[u32; 2]>,
     ) -> Result<(), Failure> {
         let Self { args, engine, settings, size, .. } = self;
+        let number = frames.map(|[_, number]| number);
         if let Some(reason) = find_reason_of_black(frame).filter(|_| !args.quiet) {
             let _ = writeln!(std::io::stderr(), "warning: {reason}");
         }
@@ -203,6 +220,9 @@ impl Run<'_> {
         }
         if let Some(number) = number {
             metadata.push(("manylight.frame".to_owned(), number.to_string()));
+        }
+        if let Some([first, _]) = frames.filter(|_| settings.adds_up()) {
+            metadata.push(("manylight.firstFrame".to_owned(), first.to_string()));
         }
         let file_of = |path: &PathBuf| match number {
             Some(number) => sequence::file_of(path, number),

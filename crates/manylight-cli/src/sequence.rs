@@ -57,8 +57,13 @@ pub fn plan(unfinished: impl Iterator<Item = u32>, warm_up: Option<u32>) -> Vec<
     let mut next = None;
     for frame in unfinished {
         if let Some(warm_up) = warm_up.filter(|_| next != Some(frame)) {
-            steps.push(Step::Forget);
-            steps.extend((frame.saturating_sub(warm_up)..frame).map(Step::WarmUp));
+            let mut first = frame.saturating_sub(warm_up);
+            match next.filter(|next| (first..frame).contains(next)) {
+                // What is remembered leads there.
+                Some(next) => first = next,
+                None => steps.push(Step::Forget),
+            }
+            steps.extend((first..frame).map(Step::WarmUp));
         }
         steps.push(Step::Write(frame));
         next = frame.checked_add(1);
@@ -100,9 +105,10 @@ mod tests {
         use Step::{Forget, WarmUp, Write};
         assert_eq!(plan([3, 4, 6].into_iter(), None), [Write(3), Write(4), Write(6)]);
         let steps = plan([1, 2, 5].into_iter(), Some(2));
-        let expected =
-            [Forget, WarmUp(0), Write(1), Write(2), Forget, WarmUp(3), WarmUp(4), Write(5)];
+        let expected = [Forget, WarmUp(0), Write(1), Write(2), WarmUp(3), WarmUp(4), Write(5)];
         assert_eq!(steps, expected);
+        let steps = plan([1, 2, 6].into_iter(), Some(2));
+        assert_eq!(steps[4..], [Forget, WarmUp(4), WarmUp(5), Write(6)][..]);
         assert_eq!(plan([0].into_iter(), Some(9)), [Forget, Write(0)]);
         assert_eq!(plan([8].into_iter(), Some(0)), [Forget, Write(8)]);
     }

@@ -211,6 +211,9 @@ group! {
         /// Whether to take only what every device has: smallest limits, no optional feature. For
         /// finding out whether one of them makes a difference.
         base: bool = false,
+        /// A folder with shaders, laid out as `crates/manylight/src`, that may change while the
+        /// program runs; null: its own. Only in builds with debug assertions.
+        shaders: Option<String> = None,
         /// Whether to use operations across invocations that run in step, where the device has
         /// them.
         subgroups: bool = true,
@@ -233,6 +236,13 @@ pub const MAX_LEVELS: u32 = 14;
 pub const PRESETS: [&str; 6] = ["draft", "fast", "balanced", "fine", "exhaustive", "paper"];
 
 impl Settings {
+    /// Whether frames of a sequence add up their shadow ratios: asked for, and with ratios that are
+    /// smoothed.
+    pub fn adds_up(&self) -> bool {
+        let has_ratios = matches!(self.method, Method::Grid | Method::Direct);
+        self.filter.temporal && self.filter.enabled && has_ratios
+    }
+
     /// A preset by name.
     ///
     /// Errors: names the presets there are.

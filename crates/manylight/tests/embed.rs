@@ -5,7 +5,7 @@ mod engine;
 
 use engine::Engine;
 use manylight::frame::gpu::{EngineReceivers, EngineTargets, GpuRenderer};
-use manylight::gpu::Gpu;
+use manylight::gpu::{Features, Gpu};
 use manylight::{Renderer, Settings};
 
 const SIZE: [u32; 2] = [96, 64];
@@ -31,7 +31,7 @@ fn pictures(scene: &str, drawn: bool) -> Option<Vec<[[f32; 3]; 2]>> {
         settings.shadow.rays = 0;
     }
     let engine = Engine::new(device.clone(), queue.clone(), &shot.scene, SIZE, 1.0);
-    let gpu = Gpu::from_device(device, queue, name).expect("device");
+    let gpu = Gpu::from_device(device, queue, name, Features::ALL).expect("device");
     let renderer = Renderer::new(shot.scene).expect("scene");
     let mut light = GpuRenderer::new(gpu, renderer).expect("renderer");
     // Buffers find their size here.

@@ -3,7 +3,7 @@
 #![cfg(feature = "gpu")]
 
 use manylight::frame::gpu::GpuRenderer;
-use manylight::gpu::Gpu;
+use manylight::gpu::{Features, Gpu};
 use manylight::{Method, Renderer, Settings};
 use std::sync::{Mutex, PoisonError};
 
@@ -59,7 +59,10 @@ fn open() -> Option<Gpu> {
     let descriptor = wgpu::DeviceDescriptor { required_limits: limits, ..Default::default() };
     let opened = pollster::block_on(adapter.request_device(&descriptor));
     let (device, queue) = opened.expect("a device");
-    Some(Gpu::from_device(device, queue, adapter.get_info().name).expect("a device that will do"))
+    Some(
+        Gpu::from_device(device, queue, adapter.get_info().name, Features::ALL)
+            .expect("a device that will do"),
+    )
 }
 
 #[test]

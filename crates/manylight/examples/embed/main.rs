@@ -5,7 +5,7 @@ mod engine;
 
 use engine::Engine;
 use manylight::frame::gpu::{EngineReceivers, EngineTargets, GpuRenderer};
-use manylight::gpu::Gpu;
+use manylight::gpu::{Features, Gpu};
 use manylight::{Renderer, Settings};
 use manylight_image::write_png_rgb8;
 use std::error::Error;
@@ -26,7 +26,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let engine = Engine::new(device.clone(), queue.clone(), &shot.scene, SIZE, 0.5);
 
     // The light: the same device, the same triangles.
-    let gpu = Gpu::from_device(device, queue, name)?;
+    let gpu = Gpu::from_device(device, queue, name, Features::ALL)?;
     let mut light = GpuRenderer::new(gpu, Renderer::new(shot.scene)?).map_err(|(_, e)| e)?;
 
     for frame in 0..MOST_FRAMES {

@@ -27,7 +27,7 @@ use crate::world::World;
 use glam::{Vec2, Vec3};
 use manylight_scene::{Camera, MAX_PIXELS, Scene, Sky};
 use rayon::prelude::*;
-use sequence::{Moment, is_added_up, noise};
+use sequence::{Moment, noise};
 use stage::Clock;
 use std::sync::Arc;
 
@@ -126,7 +126,7 @@ impl Renderer {
         settings.validate()?;
         check_size([width, height])?;
         let view = ViewFrame::new(camera, width, height);
-        if !is_added_up(settings) {
+        if !settings.adds_up() {
             past.clear();
             return Ok(self.render_view(&view, settings, (0, None), progress));
         }

@@ -6,7 +6,7 @@
 
 use crate::filter::temporal::History;
 use crate::math::hash_u32;
-use crate::settings::{FilmSettings, Method, Settings};
+use crate::settings::{FilmSettings, Settings};
 use crate::surface::ViewFrame;
 use std::sync::Arc;
 
@@ -67,12 +67,6 @@ impl Moment {
             && a.forward().dot(b.forward()) > CUT_COS
             && a.eye().distance(b.eye()) < CUT_SHARE * self.diagonal
     }
-}
-
-/// Whether frames with these settings add up.
-pub(super) fn is_added_up(settings: &Settings) -> bool {
-    let has_ratios = matches!(settings.method, Method::Grid | Method::Direct);
-    settings.filter.temporal && settings.filter.enabled && has_ratios
 }
 
 /// What is mixed into the seeds of a frame's shadow rays; nothing into those of frame 0, whose

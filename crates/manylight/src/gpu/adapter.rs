@@ -4,6 +4,7 @@ use super::features::LISTS_BESIDE_TEXTURES;
 use super::{Feature, Features};
 use crate::error::Error;
 use crate::settings::GpuSettings;
+use std::path::PathBuf;
 
 /// Most textures that are bound one by one.
 pub(super) const MOST_TEXTURES: u32 = 1024;
@@ -19,14 +20,18 @@ pub struct GpuOptions {
     pub software: bool,
     /// What is used where the device offers it; nothing with `base`.
     pub features: Features,
+    /// A folder whose shaders stand for those of the program and may change meanwhile; only in
+    /// builds with debug assertions.
+    pub shaders: Option<PathBuf>,
 }
 
 impl From<&GpuSettings> for GpuOptions {
     /// A device that is emulated will do where it is named.
     fn from(settings: &GpuSettings) -> Self {
-        let GpuSettings { device, base, .. } = settings;
+        let GpuSettings { device, base, shaders, .. } = settings;
+        let shaders = shaders.as_ref().map(PathBuf::from);
         let (software, features) = (device.is_some(), Features::from(settings));
-        Self { adapter: device.clone(), base: *base, software, features }
+        Self { adapter: device.clone(), base: *base, software, features, shaders }
     }
 }
 

@@ -36,6 +36,11 @@ impl Gpu {
     ///
     /// Errors: no adapter, none of that name, or what the chosen one lacks
     pub fn open(options: &GpuOptions) -> Result<Self, Error> {
+        if options.shaders.is_some() && !cfg!(debug_assertions) {
+            let problem =
+                "gpu.shaders: only builds with debug assertions take shaders from a folder";
+            return Err(device(problem.to_owned()));
+        }
         let (description, adapter) = choose(options)?;
         let opened =
             pollster::block_on(adapter.request_device(&device_descriptor(&adapter, options)));
@@ -44,11 +49,15 @@ impl Gpu {
         let name = format!("{}, {}", description.name, description.driver);
         let gpu = Self::with_features(raw, queue, name, options.features)?;
         gpu.listen();
+        #[cfg(debug_assertions)]
+        if let Some(folder) = &options.shaders {
+            gpu.reload_from(folder);
+        }
         Ok(gpu)
     }
 
     /// Takes a device that someone else opened. What goes wrong on it is told by the functions that
-    /// did it; the device's own handlers are left alone. Of [`Features`] those are used that it was
+    /// did it; the device's own handlers are left alone. Of `features` those are used that it was
     /// opened with, but textures are not bound one by one; ray queries also need limits for
     /// acceleration structures.
     ///
@@ -57,8 +66,9 @@ impl Gpu {
         device: wgpu::Device,
         queue: wgpu::Queue,
         name: String,
+        features: Features,
     ) -> Result<Self, Error> {
-        Self::with_features(device, queue, name, Features::ALL.without(Feature::Bindless))
+        Self::with_features(device, queue, name, features.without(Feature::Bindless))
     }
 
     fn with_features(
@@ -85,7 +95,7 @@ impl Gpu {
             scene_layout,
             pipelines: Mutex::default(),
             #[cfg(debug_assertions)]
-            reload: Mutex::new(Reload::from_environment()),
+            reload: Mutex::default(),
             arenas: Arc::default(),
             account: Arc::default(),
             problem: Arc::default(),

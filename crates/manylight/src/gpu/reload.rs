@@ -10,9 +10,6 @@ use std::sync::PoisonError;
 use std::time::SystemTime;
 use wgpu::naga;
 
-/// Names the folder: that of the house, `crates/manylight/src`, or a copy of it.
-const VARIABLE: &str = "MANYLIGHT_SHADERS";
-
 /// When a file was changed, and its bytes; `None` where there is no such file.
 type Stamp = Option<(SystemTime, u64)>;
 
@@ -29,11 +26,6 @@ pub(super) struct Reload {
 }
 
 impl Reload {
-    /// The folder that the environment names, if any.
-    pub fn from_environment() -> Option<Self> {
-        std::env::var_os(VARIABLE).map(|folder| Self::new(folder.as_ref()))
-    }
-
     /// Reads all files; where one is missing the text that was compiled in stands for it.
     pub fn new(folder: &Path) -> Self {
         let mut reload = Self {
@@ -122,7 +114,7 @@ impl Reload {
 impl Gpu {
     /// Takes shaders from a folder laid out as `crates/manylight/src`, or a copy of parts of it,
     /// and looks before each submission whether they have changed. So does a device that is opened
-    /// with the variable `MANYLIGHT_SHADERS`. For builds with debug assertions; others lack it.
+    /// with `gpu.shaders`. For builds with debug assertions; others lack it.
     pub fn reload_from(&self, folder: &Path) {
         let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
         *self.reload.lock().unwrap_or_else(PoisonError::into_inner) = Some(Reload::new(folder));

@@ -75,7 +75,7 @@ fn records_come_back_when_their_commands_are_done() {
 fn what_goes_wrong_on_someone_elses_device_is_a_sentence() {
     let Some(opened) = device() else { return };
     let (raw, queue) = (opened.device().clone(), opened.queue().clone());
-    let gpu = Gpu::from_device(raw, queue, "theirs".to_owned()).expect("device");
+    let gpu = Gpu::from_device(raw, queue, "theirs".to_owned(), Features::ALL).expect("device");
     let invalid = gpu.guard(|| {
         // A uniform cannot be mapped.
         let _ = gpu.device().create_buffer(&wgpu::BufferDescriptor {
@@ -191,7 +191,7 @@ impl Drop for Shaders {
 fn shaders_change_while_the_program_runs() {
     let Some(opened) = device() else { return };
     let (raw, queue) = (opened.device().clone(), opened.queue().clone());
-    let gpu = Gpu::from_device(raw, queue, "theirs".to_owned()).expect("device");
+    let gpu = Gpu::from_device(raw, queue, "theirs".to_owned(), Features::ALL).expect("device");
     let shaders = Shaders::new();
     gpu.reload_from(&shaders.0);
     let scan = Scan::new(&gpu, 3).expect("scan");
@@ -246,6 +246,6 @@ fn ray_queries_need_limits_that_leave_room() {
 fn ray_queries_are_taken_from_someone_elses_device() {
     let Some(opened) = device_with(Feature::RayQueries) else { return };
     let (raw, queue) = (opened.device().clone(), opened.queue().clone());
-    let gpu = Gpu::from_device(raw, queue, "theirs".to_owned()).expect("device");
+    let gpu = Gpu::from_device(raw, queue, "theirs".to_owned(), Features::ALL).expect("device");
     assert!(gpu.features().has(Feature::RayQueries));
 }

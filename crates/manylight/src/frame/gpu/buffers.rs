@@ -113,14 +113,7 @@ pub(super) struct Work {
 }
 
 impl Work {
-    /// `layers` of several samples, where some of them are summed up already.
-    fn new(
-        gpu: &Gpu,
-        shape: &Shape,
-        settings: &Settings,
-        room: Room,
-        layers: Option<GpuLayers>,
-    ) -> Result<Self, Error> {
+    fn new(gpu: &Gpu, shape: &Shape, settings: &Settings, room: Room) -> Result<Self, Error> {
         let size @ [width, height] = shape.size;
         let pool = Pool::new(gpu);
         // The largest lists come first.
@@ -140,10 +133,10 @@ impl Work {
         let sky_bytes = if shape.has_sky { &[four, two][..] } else { &[] };
         // What the kernels of the filter and of the composite read.
         let known = ending.together(&[&[four; 3], sky_bytes, &vec![two; signals]].concat())?;
-        let layers = match layers {
-            Some(layers) => layers,
-            None if shape.samples > 1 => GpuLayers::new(gpu, gpu, size, shape.samples)?,
-            None => GpuLayers::new(&ending.together(&[four; 3])?, &ending, size, 1)?,
+        let layers = match shape.samples {
+            1 => GpuLayers::new(&ending.together(&[four; 3])?, &ending, size, 1)?,
+            // They are summed up from sample to sample.
+            samples => GpuLayers::new(gpu, gpu, size, samples)?,
         };
         let join = shape.is_interleaved().then(|| Join::new(&ending, width, height));
         Ok(Self {
@@ -204,7 +197,7 @@ impl Buffers {
                 (receivers, work.room().refitted(&old, &shape))
             }
         };
-        let work = Work::new(gpu, &shape, settings, room, None)?;
+        let work = Work::new(gpu, &shape, settings, room)?;
         Ok(Self { shape, generation: Arc::default(), receivers, work })
     }
 
@@ -216,8 +209,9 @@ impl Buffers {
 
     /// Forgets how many levels the grids of other lights should have had at most.
     pub fn forget_levels(&mut self) {
-        let Work { emitted, bounced, .. } = &mut self.work;
+        let Work { emitted, bounced, sets, .. } = &mut self.work;
         emitted.iter_mut().chain(bounced).for_each(Lights::forget_levels);
+        sets.iter_mut().for_each(SetRoom::forget_levels);
     }
 
     /// Stays the same as long as every list does.
@@ -288,7 +282,7 @@ impl Buffers {
         let sets = sets.into_iter().filter_map(|(lights, room)| Some((lights.as_mut()?, room)));
         let mut lacked = false;
         for ((lights, set_room), needs) in sets.zip(needs) {
-            lacked |= lights.learn(settings, needs, set_room);
+            lacked |= lights.learn(gpu, settings, needs, set_room);
             room.gather = room.gather.grown(&needs.gather).unwrap_or(room.gather);
         }
         lacked |= room.gather != *self.work.gather.capacity();
@@ -296,10 +290,10 @@ impl Buffers {
             return Ok((self, false));
         }
         let Self { shape, receivers, work, .. } = self;
-        let samples_so_far = (shape.samples > 1).then_some(work.layers);
-        let generation = Arc::default();
-        let work = Work::new(gpu, &shape, settings, room, samples_so_far)?;
-        Ok((Self { shape, generation, receivers, work }, true))
+        // What grows must not stand beside what it was.
+        drop(work);
+        let work = Work::new(gpu, &shape, settings, room)?;
+        Ok((Self { shape, generation: Arc::default(), receivers, work }, true))
     }
 }
 

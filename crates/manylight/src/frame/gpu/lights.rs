@@ -39,6 +39,13 @@ pub(super) struct SetRoom {
     level_cap: Option<u32>,
 }
 
+impl SetRoom {
+    /// Forgets how many levels the grid should have had at most.
+    pub fn forget_levels(&mut self) {
+        self.level_cap = None;
+    }
+}
+
 /// What a frame would have needed of a set, and what it found.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Needs {
@@ -180,7 +187,13 @@ impl Lights {
     }
 
     /// Learns from what a frame would have needed; whether it lacked any of it.
-    pub fn learn(&mut self, settings: &Settings, needs: &Needs, room: &mut SetRoom) -> bool {
+    pub fn learn(
+        &mut self,
+        gpu: &Gpu,
+        settings: &Settings,
+        needs: &Needs,
+        room: &mut SetRoom,
+    ) -> bool {
         self.info = needs.vpls;
         let mut lacked = false;
         if let Tracer::Paths(tracer) = &mut self.tracer
@@ -191,7 +204,7 @@ impl Lights {
         }
         let Some(gathered) = &self.gathered else { return lacked };
         self.grid_lights = needs.grid.light_count;
-        if let Some(capacity) = gathered.build.capacity().grown(&needs.grid) {
+        if let Some(capacity) = gathered.build.capacity().grown(gpu, &needs.grid) {
             room.grid = Some(capacity);
             return true;
         }

@@ -50,7 +50,7 @@ pub struct GpuRenderer {
     /// Of a sequence whose frames add up.
     past: Option<GpuPast>,
     /// Whether the lights are others than those of the last picture.
-    is_relit: bool,
+    forgets_levels: bool,
 }
 
 /// One picture to be rendered.
@@ -103,8 +103,8 @@ impl GpuRenderer {
         match gpu.guard(|| GpuWorld::new(&gpu, &renderer.world, &sources)) {
             Ok(scene) => {
                 let in_flight = engine::InFlight::default();
-                let (buffers, past, is_relit) = (None, None, false);
-                Ok(Self { gpu, renderer, scene, buffers, in_flight, past, is_relit })
+                let (buffers, past, forgets_levels) = (None, None, false);
+                Ok(Self { gpu, renderer, scene, buffers, in_flight, past, forgets_levels })
             }
             Err(reason) => Err((renderer, reason)),
         }
@@ -148,11 +148,22 @@ impl GpuRenderer {
         if settings.method == Method::Path {
             return self.gpu.guard(|| self.render_paths(&view, settings, progress));
         }
+        // Whatever was rendered before, the levels are those of this picture.
+        self.forgets_levels = true;
         let samples = settings.film.samples;
-        for sample in 0..samples {
+        let (mut sample, mut tries) = (0, 0);
+        while sample < samples {
             progress("frame", f64::from(sample) / f64::from(samples));
             let job = Job { sample, ..Job::new(&view, settings) };
-            add_times(&mut times, self.render_sample(job, None, progress)?);
+            match self.render_sample(job, None, progress)? {
+                Some(stages) => {
+                    add_times(&mut times, stages);
+                    sample += 1;
+                }
+                // What was summed up lay in memory that has grown.
+                None if tries < MOST_TRIES => (sample, tries) = (0, tries + 1),
+                None => return Err(endless()),
+            }
         }
         self.finish(settings, times)
     }
@@ -182,22 +193,23 @@ impl GpuRenderer {
             past.timed += 1;
         }
         let history = past.as_mut().map(|past| &mut past.history);
-        let times = self.render_sample(job, history, &|_, _| ());
+        let times = self.render_sample(job, history, &|_, _| ()).map(Option::unwrap_or_default);
         self.past = past.filter(|_| times.is_ok());
         times
     }
 
-    /// One sample per pixel, again and again until every buffer was large enough.
+    /// One sample per pixel, the first again and again until every buffer was large enough; none
+    /// where a later one found them too small, and the samples before it are lost.
     fn render_sample(
         &mut self,
         mut job: Job<'_>,
         mut history: Option<&mut GpuHistory>,
         progress: Progress<'_>,
-    ) -> Result<Vec<StageTime>, Error> {
+    ) -> Result<Option<Vec<StageTime>>, Error> {
         let size = [job.view.width, job.view.height];
         let kept = self.buffers.take();
         let mut buffers = self.gpu.guard(|| Buffers::take(kept, self, size, job.settings))?;
-        if std::mem::take(&mut self.is_relit) {
+        if std::mem::take(&mut self.forgets_levels) {
             buffers.forget_levels();
         }
         for _ in 0..MOST_TRIES {
@@ -210,9 +222,9 @@ impl GpuRenderer {
             let lacked;
             (buffers, lacked) =
                 self.gpu.guard(|| buffers.grown(&self.gpu, job.settings, &needs))?;
-            if !lacked {
+            if !lacked || job.sample > 0 {
                 self.buffers = Some(buffers);
-                return Ok(times);
+                return Ok((!lacked).then_some(times));
             }
             job.keeps_lights = false;
             if let Some(history) = history.as_deref_mut() {

@@ -5,7 +5,7 @@
 use super::{Frame, GpuRenderer, Job, Progress, check_size};
 use crate::error::Error;
 use crate::filter::temporal::gpu::GpuHistory;
-use crate::frame::sequence::{Moment, is_added_up, noise};
+use crate::frame::sequence::{Moment, noise};
 use crate::settings::Settings;
 use crate::surface::ViewFrame;
 use manylight_scene::Camera;
@@ -33,7 +33,7 @@ impl GpuPast {
         view: &ViewFrame,
         settings: &Settings,
     ) -> Result<Option<Self>, Error> {
-        if !is_added_up(settings) {
+        if !settings.adds_up() {
             return Ok(None);
         }
         let next = renderer.renderer().moment(view, settings);
@@ -67,7 +67,7 @@ impl GpuRenderer {
         frame: u32,
         progress: Progress<'_>,
     ) -> Result<Frame, Error> {
-        if !is_added_up(settings) {
+        if !settings.adds_up() {
             self.past = None;
             return self.render(camera, size, settings, progress);
         }
@@ -79,7 +79,8 @@ impl GpuRenderer {
         let job = Job { noise: noise(frame), ..Job::new(&view, settings) };
         progress("frame", 0.0);
         let history = past.as_mut().map(|past| &mut past.history);
-        let times = self.render_sample(job, history, progress)?;
+        self.forgets_levels = true;
+        let times = self.render_sample(job, history, progress)?.unwrap_or_default();
         self.past = past;
         self.finish(settings, times)
     }

@@ -2,6 +2,7 @@ use super::*;
 use crate::composite::Layers;
 use crate::emitter::gpu::testing::sky_map;
 use crate::frame::Past;
+use crate::gather::grid::gpu::{Gather, GatherCapacity};
 use crate::gpu::testing::{device, device_with};
 use crate::gpu::{Feature, GpuOptions};
 use glam::Quat;
@@ -214,6 +215,37 @@ fn a_sky_of_many_colors_keeps_them_without_the_filter() {
                 both.check_stages(&format!("filter {enabled}"), [33, 20], &settings);
                 both.check_picture(&format!("filter {enabled}"), [48, 32], &settings);
             }
+        })
+    });
+}
+
+#[test]
+fn samples_begin_again_where_a_later_one_lacks_room() {
+    with_gpu(|gpu| {
+        with_scene(gpu, builtin("cornell"), |both| {
+            let mut settings = few("balanced");
+            settings.film.samples = 2;
+            let expected = bits(&both.on_device(SIZE, &settings));
+            let view = ViewFrame::new(&both.camera, SIZE[0], SIZE[1]);
+            let tiny = GatherCapacity {
+                block_chunks: 1,
+                least_chunks: 1,
+                frontier: 8,
+                least_frontiers: 1,
+                ..GatherCapacity::default()
+            };
+            let engine = &mut both.engine;
+            let sample = |n| Job { sample: n, ..Job::new(&view, &settings) };
+            let first = engine.render_sample(sample(0), None, &|_, _| ()).expect("a sample");
+            assert!(first.is_some());
+            let gather = Gather::new(engine.gpu(), SIZE[0], SIZE[1], &settings, tiny);
+            let work = &mut engine.buffers.as_mut().expect("buffers").work;
+            work.gather = gather.expect("gather");
+            let second = engine.render_sample(sample(1), None, &|_, _| ()).expect("a sample");
+            assert!(second.is_none(), "the first sample is not in the new buffers");
+            let second = engine.render_sample(sample(1), None, &|_, _| ()).expect("a sample");
+            assert!(second.is_some(), "there is room now");
+            assert!(bits(&both.on_device(SIZE, &settings)) == expected);
         })
     });
 }

@@ -6,7 +6,6 @@ use crate::error::Error;
 use crate::gpu::{Gpu, HeldBytes};
 use crate::world::World;
 use glam::{Affine3A, Mat4};
-use wgpu::util::DeviceExt;
 
 /// Bytes of a tree that one triangle and one instance are taken for: drivers keep what they really
 /// take to themselves.
@@ -127,11 +126,15 @@ impl PartTree {
             flags: FLAGS,
             update_mode: UPDATES,
         };
-        let vertices = gpu.device().create_buffer_init(&wgpu::util::BufferInitDescriptor {
+        let contents: &[u8] = bytemuck::cast_slice(&part.corners);
+        // Not mapped at first: where there is no memory for it that would end the program.
+        let vertices = gpu.device().create_buffer(&wgpu::BufferDescriptor {
             label: Some("corners"),
-            contents: bytemuck::cast_slice(&part.corners),
-            usage: wgpu::BufferUsages::BLAS_INPUT,
+            size: contents.len() as u64,
+            usage: wgpu::BufferUsages::BLAS_INPUT | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
         });
+        gpu.queue().write_buffer(&vertices, 0, contents);
         let descriptors = sizes.clone();
         let blas = gpu
             .device()
@@ -163,9 +166,15 @@ impl HardwareTree {
     /// Errors: more triangles or instances than the device allows, or than it has room for
     pub(super) fn build(gpu: &Gpu, parts: &Parts) -> Result<Self, Error> {
         let limits = gpu.device().limits();
-        let corners = parts.parts.iter().map(|part| 3 * part.corners.len()).max().unwrap_or(0);
-        if corners as u64 > u64::from(limits.max_blas_primitive_count) {
-            return Err(refused(gpu, &format!("{} triangles in one", corners / 3)));
+        let lists = parts.parts.iter().flat_map(Part::lists);
+        let most = lists.map(|(_, count, _)| count).max().unwrap_or(0);
+        // The limit is compared with corners.
+        if 3 * most as u64 > u64::from(limits.max_blas_primitive_count) {
+            return Err(refused(gpu, &format!("{most} triangles in one list")));
+        }
+        let corners = parts.parts.iter().map(|part| size_of_val(&part.corners[..])).max();
+        if corners.unwrap_or(0) as u64 > limits.max_buffer_size {
+            return Err(refused(gpu, &format!("{} bytes of corners", corners.unwrap_or(0))));
         }
         if parts.placed.len() as u64 > u64::from(limits.max_tlas_instance_count) {
             return Err(refused(gpu, &format!("{} instances", parts.placed.len())));
@@ -213,8 +222,8 @@ impl HardwareTree {
 fn refused(gpu: &Gpu, what: &str) -> Error {
     Error::Device {
         problem: format!(
-            "the hardware's hierarchy of rays needs {what}, and {} does not allow it; render with \
-             --set gpu.ray_queries=false",
+            "the hardware's hierarchy of rays needs {what}, and {} does not allow it; render \
+             without ray queries (--set gpu.ray_queries=false)",
             gpu.name()
         ),
     }

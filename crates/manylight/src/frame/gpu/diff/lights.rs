@@ -96,7 +96,7 @@ fn build(gpu: &Gpu, lights: &[Vpl], mut rules: GridRules) -> Result<Found, Error
         GridBuild::new(gpu, capacity)?.record(&mut rec, &vpls, &rules, &grid);
         rec.submit().wait()?;
         let info = gpu.read(&grid.info, 1)?[0];
-        if let Some(grown) = capacity.grown(&info) {
+        if let Some(grown) = capacity.grown(gpu, &info) {
             capacity = grown;
         } else if let Some(cap) = rules.next_cap(&info) {
             rules.level_cap = cap;

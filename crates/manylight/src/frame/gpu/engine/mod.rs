@@ -9,7 +9,6 @@ use crate::composite::store::record_store;
 use crate::emitter::Emitters;
 use crate::emitter::gpu::pack;
 use crate::error::Error;
-use crate::frame::sequence::is_added_up;
 use crate::gpu::{Arrival, Gpu, Later, Recorder, STORE_FORMAT};
 use crate::settings::{FilmSettings, Method, Settings};
 use crate::surface::ViewFrame;
@@ -93,7 +92,7 @@ impl GpuRenderer {
         given.as_ref().map_or(Ok(()), |textures| textures.check(size))?;
         self.look_at_frames()?;
         let film = FilmSettings { samples: 1, ..settings.film.clone() };
-        let (seed, noise) = match is_added_up(settings) {
+        let (seed, noise) = match settings.adds_up() {
             true => (settings.seed, noise(frame_seed)),
             false => (frame_seed, 0),
         };
@@ -167,7 +166,7 @@ impl GpuRenderer {
         mut lights: Vec<Light>,
         mut sky: Option<Sky>,
     ) -> Result<(), Error> {
-        let Self { gpu, renderer, scene, is_relit, .. } = self;
+        let Self { gpu, renderer, scene, forgets_levels, .. } = self;
         let Renderer { world, emitters, .. } = &mut **renderer;
         swap(&mut world.scene.lights, &mut lights);
         swap(&mut world.scene.sky, &mut sky);
@@ -177,7 +176,7 @@ impl GpuRenderer {
             false => gpu.guard(|| scene.set_sources(gpu, &pack(world, &relit))),
         };
         match done {
-            Ok(()) => (*emitters, *is_relit) = (relit, true),
+            Ok(()) => (*emitters, *forgets_levels) = (relit, true),
             Err(_) => {
                 swap(&mut world.scene.lights, &mut lights);
                 swap(&mut world.scene.sky, &mut sky);

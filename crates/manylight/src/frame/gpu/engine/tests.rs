@@ -1,8 +1,8 @@
 use super::*;
 use crate::frame::Frame;
 use crate::gather::grid::gpu::{Gather, GatherCapacity};
-use crate::gpu::GpuOptions;
 use crate::gpu::testing::device;
+use crate::gpu::{Features, GpuOptions};
 use glam::Vec3;
 use manylight_scene::Scene;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -28,7 +28,8 @@ impl Rented {
         let mut gpu = GPU.lock().unwrap_or_else(PoisonError::into_inner);
         let rented = gpu.take().unwrap_or_else(|| {
             let (device, queue) = (opened.device().clone(), opened.queue().clone());
-            Gpu::from_device(device, queue, opened.name().to_owned()).expect("device")
+            Gpu::from_device(device, queue, opened.name().to_owned(), Features::ALL)
+                .expect("device")
         });
         let mut shot = manylight_scene::builtin("cornell").expect("builtin");
         change(&mut shot.scene);
@@ -344,12 +345,21 @@ fn a_frame_that_is_rendered_again_is_added_once() {
     let (settings, expected) = added_up(&mut rented, 3);
     let camera = rented.camera.clone();
     for (n, expected) in expected.iter().enumerate() {
-        let tiny = GatherCapacity { block_chunks: 1, frontier: 8, ..GatherCapacity::default() };
+        let tiny = GatherCapacity {
+            block_chunks: 1,
+            frontier: 8,
+            least_frontiers: 1,
+            ..GatherCapacity::default()
+        };
         let gpu = rented.renderer().gpu();
         let gather = Gather::new(gpu, SIZE[0], SIZE[1], &settings, tiny).expect("gather");
-        rented.renderer().buffers.as_mut().expect("buffers").work.gather = gather;
+        let buffers = rented.renderer().buffers.as_mut().expect("buffers");
+        buffers.work.gather = gather;
+        let before = buffers.generation().clone();
         let frame = rented.renderer().render_next(&camera, SIZE, &settings, n as u32, &|_, _| ());
         assert!(frame.expect("frame").layers.beauty() == *expected, "frame {n}");
+        let after = rented.renderer().buffers.as_ref().expect("buffers").generation();
+        assert!(!std::sync::Arc::ptr_eq(&before, after), "frame {n} was not rendered again");
     }
 }
 

@@ -1,6 +1,6 @@
 //! How much a gather has room for.
 
-use super::params::{BLOCK_PIXELS, BLOCK_SIDE, CHUNK, GatherStats, Pick, TILES};
+use super::params::{BLOCK_PIXELS, BLOCK_SIDE, CHUNK, GatherStats, TILES};
 use crate::gather::grid::TILE;
 use crate::gather::grid::reach::ASKED;
 use crate::gpu::{Gpu, MAX_GROUPS};
@@ -91,17 +91,5 @@ impl GatherCapacity {
             grown.block_chunks = per_block.saturating_add(per_block / 4 + 1);
         }
         (grown != *self).then_some(grown)
-    }
-
-    /// Bytes of the lists, about.
-    pub fn bytes(&self, has_points: bool) -> u64 {
-        let blocks = u64::from(self.band_blocks);
-        let chunks = u64::from(self.chunks());
-        let rays = blocks * BLOCK_PIXELS as u64 * u64::from(self.slice_rays);
-        let point_bytes = if has_points { size_of::<[f32; 4]>() } else { 0 };
-        let chunk_bytes = CHUNK * 4 + TILES * 8 + BLOCK_PIXELS * 4;
-        chunks * chunk_bytes as u64
-            + blocks.max(ASKED as u64) * u64::from(self.frontier) * 8
-            + rays * (size_of::<Pick>() + point_bytes) as u64
     }
 }

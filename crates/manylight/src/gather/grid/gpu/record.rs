@@ -119,25 +119,33 @@ impl GridCapacity {
     /// What most sets of very many virtual lights need, as far as one list of the device holds it;
     /// smaller sets of fine scenes need more.
     pub fn for_vpls(gpu: &Gpu, vpls: usize) -> Self {
-        let most = |record: usize| gpu.max_list_bytes() as usize / record;
-        let cells = (vpls / 3 + 20_000).min(most(size_of::<CellRecord>()));
-        let lights = (vpls / 4 * 3 + 40_000).min(most(size_of::<GridLightRecord>()));
+        let [most_cells, most_lights] = most_of(gpu);
+        let cells = (vpls / 3 + 20_000).min(most_cells);
+        let lights = (vpls / 4 * 3 + 40_000).min(most_lights);
         Self { vpls, cells, lights }
     }
 
-    /// Room for what a build needed, with some to spare; `None` where there was enough.
-    pub fn grown(&self, info: &GridInfo) -> Option<Self> {
+    /// Room for what a build needed, with some to spare where one list of the device holds that;
+    /// `None` where there was enough.
+    pub fn grown(&self, gpu: &Gpu, info: &GridInfo) -> Option<Self> {
         let (cells, lights) = (info.cell_count as usize, info.light_count as usize);
+        let [most_cells, most_lights] = most_of(gpu);
         let mut grown = *self;
         if cells > self.cells {
+            grown.cells = (cells + cells / 8).min(most_cells).max(cells);
             // The lights were not counted: every cell has one of its own at least.
-            grown.cells = cells + cells / 8;
-            grown.lights = self.lights.max(cells + cells / 4);
+            grown.lights = (cells + cells / 4).min(most_lights).max(self.lights);
         } else if lights > self.lights {
-            grown.lights = lights + lights / 8;
+            grown.lights = (lights + lights / 8).min(most_lights).max(lights);
         }
         (grown != *self).then_some(grown)
     }
+}
+
+/// Most cells and grid lights that one list of a device holds.
+fn most_of(gpu: &Gpu) -> [usize; 2] {
+    [size_of::<CellRecord>(), size_of::<GridLightRecord>()]
+        .map(|record| gpu.max_list_bytes() as usize / record)
 }
 
 /// The hierarchy over one set of virtual lights, on the device.

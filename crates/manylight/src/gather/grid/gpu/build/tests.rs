@@ -79,7 +79,7 @@ fn build(gpu: &Gpu, lights: &[Vpl], rules: &GridRules) -> Built {
         job.record(&mut rec, &vpls, &rules, &grid);
         rec.submit().wait().expect("done");
         let info = gpu.read(&grid.info, 1).expect("info")[0];
-        if let Some(grown) = capacity.grown(&info) {
+        if let Some(grown) = capacity.grown(gpu, &info) {
             capacity = grown;
             continue;
         }
