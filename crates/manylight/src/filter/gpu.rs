@@ -216,7 +216,7 @@ pub fn most_off(gpu: &Gpu, settings: &FilterSettings) -> f32 {
     }
 }
 
-/// Memory of the filter for pictures of one size; for the lists of four numbers see [`kept`].
+/// Memory of the filter for pictures of one size; for the lists of four numbers see `kept`.
 #[derive(Debug)]
 pub struct Filter {
     /// Two signals before and after a pass; the second is that of the guess at first.

@@ -241,10 +241,11 @@ fn samples_begin_again_where_a_later_one_lacks_room() {
             let gather = Gather::new(engine.gpu(), SIZE[0], SIZE[1], &settings, tiny);
             let work = &mut engine.buffers.as_mut().expect("buffers").work;
             work.gather = gather.expect("gather");
-            let second = engine.render_sample(sample(1), None, &|_, _| ()).expect("a sample");
-            assert!(second.is_none(), "the first sample is not in the new buffers");
-            let second = engine.render_sample(sample(1), None, &|_, _| ()).expect("a sample");
-            assert!(second.is_some(), "there is room now");
+            // The first sample is not in buffers that have grown; they may do so more than once.
+            let mut second =
+                || engine.render_sample(sample(1), None, &|_, _| ()).expect("a sample").is_some();
+            assert!(!second());
+            assert!((0..MOST_TRIES).any(|_| second()), "there is room at last");
             assert!(bits(&both.on_device(SIZE, &settings)) == expected);
         })
     });
