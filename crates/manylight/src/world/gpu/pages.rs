@@ -7,6 +7,8 @@
 const MOST_MULTIPLE: u32 = 8;
 /// Rectangles that are placed for one height of a page and one order, about.
 const MOST_TRIES: usize = 8192;
+/// Rectangles beyond which only the largest page is tried, in one order.
+const MANY: usize = 4096;
 
 /// Where rectangles lie.
 #[derive(Clone, Debug)]
@@ -34,8 +36,13 @@ impl Pages {
         });
         // Few rectangles leave gaps unless the width suits them; many do not mind.
         let parts = MOST_TRIES / (MOST_MULTIPLE as usize * sizes.len().max(1));
-        let widths = sides(sizes, 0, most, parts.min(32) as u32);
-        let heights = sides(sizes, 1, most, parts.min(1) as u32);
+        let is_many = sizes.len() > MANY;
+        let sides = |axis, parts: usize| match is_many {
+            true => vec![most],
+            false => sides(sizes, axis, most, parts as u32),
+        };
+        let (widths, heights) = (sides(0, parts.min(32)), sides(1, parts.min(1)));
+        let orders = if is_many { &orders[..1] } else { &orders };
         let all = widths.iter().flat_map(|&w| heights.iter().map(move |&h| [w, h]));
         let tries = orders.iter().flat_map(|order| all.clone().map(move |page| (order, page)));
         let pages = tries.map(|(order, page)| Self::fill(sizes, order, page));
@@ -159,6 +166,9 @@ mod tests {
         let small: Vec<[u32; 2]> = (0..1100).map(|i| [1 + i % 5, 1 + i % 7]).collect();
         assert!(check(&small, 8192) > 0.9);
         assert!(Pages::pack(&small, 8192, 256).heights.len() <= 256);
+        // Very many.
+        let pages = Pages::pack(&[[1, 1]; 100_000], 8192, 256);
+        assert_eq!((pages.heights.len(), pages.height()), (1, 13));
         // More than one page holds.
         assert!(check(&[[600, 600]; 9], 1024) > 0.9);
     }
