@@ -142,6 +142,11 @@ impl GpuHistory {
         self.size
     }
 
+    /// Signals that there is memory for.
+    pub fn signals(&self) -> usize {
+        self.signals[0].len()
+    }
+
     /// Forgets everything, as at a cut.
     pub fn clear(&mut self) {
         self.last = None;

@@ -6,12 +6,9 @@ use super::{Frame, GpuRenderer, Job, Progress, check_size};
 use crate::error::Error;
 use crate::filter::temporal::gpu::GpuHistory;
 use crate::frame::sequence::{Moment, noise};
-use crate::settings::Settings;
+use crate::settings::{Method, Settings};
 use crate::surface::ViewFrame;
 use manylight_scene::Camera;
-
-/// Ratios of a frame that few rays make: of the sky, of emissive surfaces, of bounced light.
-const SIGNALS: usize = 3;
 
 /// What frames leave to those after them.
 #[derive(Debug)]
@@ -38,10 +35,16 @@ impl GpuPast {
         }
         let next = renderer.renderer().moment(view, settings);
         let size = [view.width, view.height];
-        let mut past = match kept.filter(|past| past.history.size() == size) {
+        // Ratios that few rays make: of the sky, of emissive surfaces, of bounced light.
+        let emitters = &renderer.renderer().emitters;
+        let has_bounced = settings.method != Method::Direct;
+        let has = [emitters.sky.is_some(), !emitters.surface.is_empty(), has_bounced];
+        let signals = has.into_iter().filter(|has| *has).count();
+        let fits = |h: &GpuHistory| h.size() == size && h.signals() == signals;
+        let mut past = match kept.filter(|past| fits(&past.history)) {
             Some(past) => past,
             None => {
-                let history = GpuHistory::new(renderer.gpu(), size[0], size[1], SIGNALS)?;
+                let history = GpuHistory::new(renderer.gpu(), size[0], size[1], signals)?;
                 Self { history, last: None, timed: 0 }
             }
         };
