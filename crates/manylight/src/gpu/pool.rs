@@ -29,7 +29,7 @@ impl Memory for Gpu {
 }
 
 /// How much larger than a list its memory may be; small lists leave large memory to others.
-const MOST_SLACK: u64 = 4;
+const MOST_SLACK: u64 = 10;
 /// Where a list may begin, in bytes: the largest alignment a device may ask for.
 const ALIGNMENT: u64 = 256;
 

@@ -31,7 +31,7 @@ impl Default for GatherCapacity {
             band_blocks: 2048,
             block_chunks: 40,
             least_chunks: 16_384,
-            frontier: 1024,
+            frontier: 3584,
             least_frontiers: 1 << 20,
             slice_rays: 4,
         }
@@ -84,7 +84,7 @@ impl GatherCapacity {
     pub fn grown(&self, needed: &GatherStats) -> Option<Self> {
         let mut grown = *self;
         if needed.frontier > self.frontier {
-            grown.frontier = needed.frontier.saturating_add(needed.frontier / 4);
+            grown.frontier = needed.frontier.saturating_add(needed.frontier / 8);
         }
         if needed.chunks > self.chunks() {
             let per_block = needed.chunks.div_ceil(self.band_blocks);

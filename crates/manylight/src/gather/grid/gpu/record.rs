@@ -120,8 +120,8 @@ impl GridCapacity {
     /// smaller sets of fine scenes need more.
     pub fn for_vpls(gpu: &Gpu, vpls: usize) -> Self {
         let [most_cells, most_lights] = most_of(gpu);
-        let cells = (vpls / 3 + 20_000).min(most_cells);
-        let lights = (vpls / 4 * 3 + 40_000).min(most_lights);
+        let cells = (vpls / 10 * 3 + 20_000).min(most_cells);
+        let lights = (vpls / 25 * 18 + 40_000).min(most_lights);
         Self { vpls, cells, lights }
     }
 
