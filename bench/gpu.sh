@@ -9,8 +9,9 @@
 #   OUT      where results go: one .json per measurement, summary.csv, pictures
 #   DEVICE   part of the device's name; else the fastest one
 #
-# Takes under eight minutes on an H200-class device. Every step has a limit of its own, so that one
-# that hangs does not take the others with it; what failed is listed at the end.
+# Meant to take under eight minutes on an H200-class device; it has not run on one yet. Every step
+# has a limit of its own, so that one that hangs does not take the others with it; what failed is
+# listed at the end.
 set -uo pipefail
 program=$1 scenes=$2 out=$3 device=${4:-}
 mkdir -p "$out"

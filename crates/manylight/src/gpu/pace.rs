@@ -2,7 +2,8 @@
 
 use std::time::Duration;
 
-/// What a submission should take, s; no dispatch in it takes longer.
+/// What a submission should take, s, and so the most that a dispatch in it should; the first one,
+/// and the least work there is, may take longer on a slow device.
 const SUBMISSION_TIME: f64 = 0.04;
 /// Fewest items along one side of the work that a dispatch gets: a few workgroups.
 const LEAST: usize = 256;

@@ -297,6 +297,22 @@ impl Buffers {
     }
 }
 
+#[cfg(test)]
+impl Buffers {
+    /// Takes nearly all room from gathers: the next frame will lack it.
+    pub fn lose_room(&mut self, gpu: &Gpu, settings: &Settings) {
+        let tiny = GatherCapacity {
+            block_chunks: 1,
+            least_chunks: 1,
+            frontier: 8,
+            least_frontiers: 1,
+            ..GatherCapacity::default()
+        };
+        let [width, height] = self.shape.size;
+        self.work.gather = Gather::new(gpu, width, height, settings, tiny).expect("gather");
+    }
+}
+
 impl Part {
     fn new(memory: &impl Memory, [width, height]: [usize; 2]) -> Result<Self, Error> {
         Ok(Self {

@@ -2,7 +2,6 @@ use super::*;
 use crate::composite::Layers;
 use crate::emitter::gpu::testing::sky_map;
 use crate::frame::Past;
-use crate::gather::grid::gpu::{Gather, GatherCapacity};
 use crate::gpu::testing::{device, device_with};
 use crate::gpu::{Feature, GpuOptions};
 use glam::Quat;
@@ -227,20 +226,11 @@ fn samples_begin_again_where_a_later_one_lacks_room() {
             settings.film.samples = 2;
             let expected = bits(&both.on_device(SIZE, &settings));
             let view = ViewFrame::new(&both.camera, SIZE[0], SIZE[1]);
-            let tiny = GatherCapacity {
-                block_chunks: 1,
-                least_chunks: 1,
-                frontier: 8,
-                least_frontiers: 1,
-                ..GatherCapacity::default()
-            };
             let engine = &mut both.engine;
             let sample = |n| Job { sample: n, ..Job::new(&view, &settings) };
             let first = engine.render_sample(sample(0), None, &|_, _| ()).expect("a sample");
             assert!(first.is_some());
-            let gather = Gather::new(engine.gpu(), SIZE[0], SIZE[1], &settings, tiny);
-            let work = &mut engine.buffers.as_mut().expect("buffers").work;
-            work.gather = gather.expect("gather");
+            engine.buffers.as_mut().expect("buffers").lose_room(&engine.gpu, &settings);
             // The first sample is not in buffers that have grown; they may do so more than once.
             let mut second =
                 || engine.render_sample(sample(1), None, &|_, _| ()).expect("a sample").is_some();

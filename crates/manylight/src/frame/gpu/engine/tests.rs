@@ -1,6 +1,5 @@
 use super::*;
 use crate::frame::Frame;
-use crate::gather::grid::gpu::{Gather, GatherCapacity};
 use crate::gpu::testing::device;
 use crate::gpu::{Features, GpuOptions};
 use glam::Vec3;
@@ -271,15 +270,8 @@ fn other_settings_keep_what_does_not_depend_on_them() {
 fn a_frame_that_lacks_room_makes_room_for_the_next() {
     let Some(mut rented) = Rented::new(|_| ()) else { return };
     let expected = rented.render(&settings(), 4).layers.beauty();
-    let tiny = GatherCapacity {
-        block_chunks: 1,
-        frontier: 8,
-        least_frontiers: 1,
-        ..GatherCapacity::default()
-    };
-    let gpu = rented.renderer().gpu();
-    let gather = Gather::new(gpu, SIZE[0], SIZE[1], &settings(), tiny).expect("gather");
-    rented.renderer().buffers.as_mut().expect("buffers").work.gather = gather;
+    let GpuRenderer { gpu, buffers, .. } = rented.renderer();
+    buffers.as_mut().expect("buffers").lose_room(gpu, &settings());
     let (view, camera) = (rented.target(), rented.camera.clone());
     let mut lacked = Vec::new();
     while lacked.len() < 8 && lacked.last() != Some(&false) {
@@ -345,16 +337,9 @@ fn a_frame_that_is_rendered_again_is_added_once() {
     let (settings, expected) = added_up(&mut rented, 3);
     let camera = rented.camera.clone();
     for (n, expected) in expected.iter().enumerate() {
-        let tiny = GatherCapacity {
-            block_chunks: 1,
-            frontier: 8,
-            least_frontiers: 1,
-            ..GatherCapacity::default()
-        };
-        let gpu = rented.renderer().gpu();
-        let gather = Gather::new(gpu, SIZE[0], SIZE[1], &settings, tiny).expect("gather");
-        let buffers = rented.renderer().buffers.as_mut().expect("buffers");
-        buffers.work.gather = gather;
+        let GpuRenderer { gpu, buffers, .. } = rented.renderer();
+        let buffers = buffers.as_mut().expect("buffers");
+        buffers.lose_room(gpu, &settings);
         let before = buffers.generation().clone();
         let frame = rented.renderer().render_next(&camera, SIZE, &settings, n as u32, &|_, _| ());
         assert!(frame.expect("frame").layers.beauty() == *expected, "frame {n}");
