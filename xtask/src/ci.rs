@@ -111,11 +111,14 @@ fn with_driver(root: &Path, args: &[&str]) -> bool {
 
 /// How many tests `cargo test` with these arguments runs; an error without any.
 fn count_tests(root: &Path, args: &[&str]) -> Result<usize, String> {
-    let mut command = command(root, args);
-    let output = command.arg("--list").stderr(Stdio::inherit()).output();
-    let output = output.map_err(|problem| format!("cannot start cargo: {problem}"))?;
-    let text = String::from_utf8_lossy(&output.stdout);
-    match text.lines().filter(|line| line.ends_with(": test")).count() {
+    let listed = |more: &[&str]| {
+        let mut command = command(root, args);
+        let output = command.args(more).stderr(Stdio::inherit()).output();
+        let output = output.map_err(|problem| format!("cannot start cargo: {problem}"))?;
+        let text = String::from_utf8_lossy(&output.stdout);
+        Ok::<_, String>(text.lines().filter(|line| line.ends_with(": test")).count())
+    };
+    match listed(&["--list"])?.saturating_sub(listed(&["--list", "--ignored"])?) {
         0 => Err(format!("no test is run by cargo {}", args.join(" "))),
         count => Ok(count),
     }

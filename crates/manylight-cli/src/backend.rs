@@ -86,7 +86,8 @@ impl Engine {
         Ok(self.renderer().render(camera, size, settings, progress)?)
     }
 
-    /// Renders the next frame of a sequence.
+    /// Renders the next frame of a sequence; none where the processor has just taken over, which
+    /// remembers nothing of the frames before.
     pub fn render_next(
         &mut self,
         (camera, size): (&Camera, [usize; 2]),
@@ -94,17 +95,18 @@ impl Engine {
         (frame, past): (u32, &mut Past),
         progress: Progress<'_>,
         quiet: bool,
-    ) -> Result<Frame, Failure> {
+    ) -> Result<Option<Frame>, Failure> {
         if let Self::Gpu(engine, fallback @ (Fallback::Never | Fallback::Ready)) = self {
-            match engine.render_next(camera, size, settings, frame, progress) {
+            return match engine.render_next(camera, size, settings, frame, progress) {
                 Err(reason @ manylight::Error::Device { .. }) if *fallback == Fallback::Ready => {
                     warn(&reason, quiet);
                     *fallback = Fallback::Done;
+                    Ok(None)
                 }
-                result => return Ok(result?),
-            }
+                result => Ok(Some(result?)),
+            };
         }
-        Ok(self.renderer().render_next(camera, size, settings, frame, past, progress)?)
+        Ok(Some(self.renderer().render_next(camera, size, settings, frame, past, progress)?))
     }
 
     /// Forgets the frames of a sequence.
@@ -175,5 +177,47 @@ impl Engine {
 fn warn(reason: &manylight::Error, quiet: bool) {
     if !quiet {
         let _ = writeln!(std::io::stderr(), "warning: {reason}; the processor takes over");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use manylight_scene::Shot;
+
+    /// A small scene on the first software driver; none, or a failure where tests of graphics
+    /// devices are required, without one.
+    fn on_device(settings: &Settings) -> Option<(Engine, Camera)> {
+        let Shot { scene, camera, .. } = manylight_scene::load("builtin:cornell").expect("built in");
+        let engine = Engine::new(scene, Backend::Auto, settings, true).expect("an engine");
+        if matches!(engine, Engine::Cpu(_)) {
+            let is_required = std::env::var_os("MANYLIGHT_REQUIRE_GPU").is_some();
+            assert!(!is_required, "no software Vulkan driver");
+            println!("skipped: no software Vulkan driver");
+            return None;
+        }
+        Some((engine, camera))
+    }
+
+    /// The caller learns that the past is lost, and the processor goes on from the next call.
+    #[test]
+    fn the_processor_takes_over_in_the_middle_of_a_sequence() {
+        let mut settings = Settings::preset("draft").expect("a preset");
+        settings.vpls.count = 500;
+        settings.filter.temporal = true;
+        settings.gpu.device = Some("llvmpipe".to_owned());
+        let Some((mut engine, camera)) = on_device(&settings) else { return };
+        let mut past = Past::default();
+        let mut next = |engine: &mut Engine, number| {
+            let next = (number, &mut past);
+            engine.render_next((&camera, [16, 9]), &settings, next, &|_, _| (), true)
+        };
+        assert!(next(&mut engine, 0).expect("a frame").is_some());
+        assert_eq!(engine.names()[0], "gpu");
+        let Engine::Gpu(device, _) = &engine else { panic!("it was on the device") };
+        device.gpu().device().destroy();
+        assert!(next(&mut engine, 1).expect("the processor takes over").is_none());
+        assert_eq!(engine.names()[0], "cpu");
+        assert!(next(&mut engine, 1).expect("a frame").is_some());
     }
 }

@@ -9,6 +9,7 @@ use manylight::frame::{Past, Progress};
 use manylight::{Frame, Method, Settings};
 use manylight_scene::{Camera, MAX_PIXELS, Shot};
 use serde_json::{Value, json};
+use std::collections::VecDeque;
 use std::io::{IsTerminal, Write};
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
@@ -76,15 +77,11 @@ pub fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     output::check(&args.output, &["exr", "png", "pfm"])?;
     output::check(args.heatmap.as_slice(), &["png"])?;
     let files = args.output.iter().chain(&args.heatmap);
-    match &frames {
+    match frames {
         None => output::check_distinct(files)?,
-        // Where names meet at all they do at one end.
-        Some(frames) => {
-            for frame in [*frames.start(), *frames.end()] {
-                let files: Vec<_> =
-                    files.clone().map(|path| sequence::file_of(path, frame)).collect();
-                output::check_distinct(files.iter())?;
-            }
+        Some(_) => {
+            let files: Vec<_> = files.map(|path| sequence::files_of(path)).collect();
+            output::check_distinct(files.iter())?;
         }
     }
     if args.quiet && !args.json && args.output.is_empty() && args.heatmap.is_none() {
@@ -168,7 +165,8 @@ impl Run<'_> {
         let mut past = Past::default();
         // Where what is remembered begins.
         let mut first = None;
-        for step in sequence::plan(unfinished.into_iter(), warm_up) {
+        let mut steps = VecDeque::from(sequence::plan(unfinished.iter().copied(), warm_up));
+        while let Some(step) = steps.pop_front() {
             let number = match step {
                 Step::Forget => {
                     self.engine.forget(&mut past);
@@ -177,7 +175,7 @@ impl Run<'_> {
                 }
                 Step::WarmUp(number) | Step::Write(number) => number,
             };
-            let first = *first.get_or_insert(number);
+            let began = *first.get_or_insert(number);
             let camera = camera(number);
             let start = Instant::now();
             let Self { engine, settings, size, .. } = self;
@@ -185,10 +183,15 @@ impl Run<'_> {
                 let (view, next) = ((&camera, *size), (number, &mut past));
                 engine.render_next(view, settings, next, progress, args.quiet)
             })?;
+            let Some(frame) = frame else {
+                let left = unfinished.iter().copied().filter(|&n| n >= number);
+                steps = sequence::plan(left, warm_up).into();
+                continue;
+            };
             let render_ms = start.elapsed().as_secs_f64() * 1e3;
             let is_written = matches!(step, Step::Write(_));
             if is_written {
-                self.write(&frame, &camera, render_ms, Some([first, number]))?;
+                self.write(&frame, &camera, render_ms, Some([began, number]))?;
             }
             if !args.json && !args.quiet {
                 let note = if is_written { "" } else { ", not written" };
@@ -276,10 +279,10 @@ fn find_reason_of_black(frame: &Frame) -> Option<&'static str> {
 }
 
 /// Renders with a progress bar on a terminal.
-fn with_bar(
+fn with_bar<T>(
     quiet: bool,
-    render: &mut dyn FnMut(Progress<'_>) -> Result<Frame, Failure>,
-) -> Result<Frame, Failure> {
+    render: &mut dyn FnMut(Progress<'_>) -> Result<T, Failure>,
+) -> Result<T, Failure> {
     if quiet || !std::io::stderr().is_terminal() {
         return render(&|_, _| ());
     }

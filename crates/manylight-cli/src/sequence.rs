@@ -26,17 +26,29 @@ pub fn parse(text: &str) -> Result<RangeInclusive<u32>, Failure> {
 
 /// The file of a frame: its number stands for the last `####` of the name, else before its ending.
 pub fn file_of(path: &Path, frame: u32) -> PathBuf {
+    let (before, digits, after) = around_number(path);
+    path.with_file_name(format!("{before}{frame:0digits$}{after}"))
+}
+
+/// The files of all frames without what a number could be part of: only where this is the same may
+/// two outputs write one file.
+pub fn files_of(path: &Path) -> PathBuf {
+    let (before, _, after) = around_number(path);
+    let is_digit = |c: char| c.is_ascii_digit();
+    let ends = [before.trim_end_matches(is_digit), after.trim_start_matches(is_digit)];
+    path.with_file_name(ends.join("#"))
+}
+
+/// What stands before the number of a frame, its least digits, and what stands behind it.
+fn around_number(path: &Path) -> (String, usize, String) {
     let name = path.file_name().map(|name| name.to_string_lossy().into_owned());
     let name = name.unwrap_or_default();
     let Some(end) = name.rfind('#') else {
         let (stem, ending) = name.rsplit_once('.').unwrap_or((&name, ""));
-        return path.with_file_name(format!("{stem}.{frame:0DIGITS$}.{ending}"));
+        return (format!("{stem}."), DIGITS, format!(".{ending}"));
     };
-    let start = name[..end]
-        .rfind(|c| c != '#')
-        .map_or(0, |at| at + name[at..].chars().next().map_or(1, char::len_utf8));
-    let digits = end + 1 - start;
-    path.with_file_name(format!("{}{frame:0digits$}{}", &name[..start], &name[end + 1..]))
+    let before = name[..end].trim_end_matches('#');
+    (before.to_owned(), end + 1 - before.len(), name[end + 1..].to_owned())
 }
 
 /// Something to be done for a sequence.
@@ -98,6 +110,18 @@ mod tests {
             assert_eq!(file_of(Path::new(path), 7), Path::new(expected), "{path}");
         }
         assert_eq!(file_of(Path::new("a.#.png"), 123), Path::new("a.123.png"));
+    }
+
+    #[test]
+    fn outputs_whose_files_may_meet_are_known() {
+        let meet = |a: &str, b: &str| files_of(Path::new(a)) == files_of(Path::new(b));
+        assert!(meet("a.png", "a.####.png"));
+        // Frame 10 of the one is frame 0 of the other.
+        assert!(meet("a.#.png", "a.1#.png"));
+        assert!(meet("#1.png", "#.png"));
+        assert!(!meet("a.png", "a.exr"));
+        assert!(!meet("a.#.png", "a.1_#.png"));
+        assert!(!meet("o1/#.png", "o2/#.png"));
     }
 
     #[test]

@@ -49,7 +49,8 @@ pub struct GpuRenderer {
     in_flight: engine::InFlight,
     /// Of a sequence whose frames add up.
     past: Option<GpuPast>,
-    /// Whether the lights are others than those of the last picture.
+    /// Whether the next picture chooses the most levels of its grids anew: its lights may be others
+    /// than those that a level was too much for.
     forgets_levels: bool,
 }
 
@@ -161,7 +162,10 @@ impl GpuRenderer {
                     sample += 1;
                 }
                 // What was summed up lay in memory that has grown.
-                None if tries < MOST_TRIES => (sample, tries) = (0, tries + 1),
+                None if tries < MOST_TRIES => {
+                    (sample, tries) = (0, tries + 1);
+                    times.clear();
+                }
                 None => return Err(endless()),
             }
         }
