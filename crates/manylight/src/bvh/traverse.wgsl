@@ -51,8 +51,34 @@ struct Groups {
     triangles: vec2u,
 }
 
-fn byte_of(words: vec2u, i: u32) -> u32 {
-    return (select(words.x, words.y, i >= 4u) >> ((i & 3u) * 8u)) & 0xffu;
+// Where a ray is at four planes, bytes of a word, of one axis: `scale` and `start` as in visit_node.
+fn at_planes(word: u32, scale: f32, start: f32) -> vec4f {
+    return vec4f(unpack4xU8(word)) * scale + start;
+}
+
+// Planes of four children, a word for each axis.
+struct Planes {
+    near: vec3u,
+    far: vec3u,
+}
+
+// The bits of four children among those of the node, of those that the ray enters before t_max;
+// `slots`: a byte each that says where its bits go.
+fn visit_four(planes: Planes, slots: u32, scale: vec3f, start: vec3f, octant: u32, t_max: f32)
+    -> u32 {
+    let enter = max(
+        max(at_planes(planes.near.x, scale.x, start.x), at_planes(planes.near.y, scale.y, start.y)),
+        max(at_planes(planes.near.z, scale.z, start.z), vec4f(0.0)));
+    let leave = min(
+        min(at_planes(planes.far.x, scale.x, start.x), at_planes(planes.far.y, scale.y, start.y)),
+        at_planes(planes.far.z, scale.z, start.z));
+    // A few roundings of the far side, so that a grazed box is never missed.
+    let is_hit = enter <= min(leave * 1.000001, vec4f(t_max));
+    let slot = unpack4xU8(slots);
+    let is_inner = (slot & (slot << vec4u(1u)) & vec4u(0x10u)) != vec4u(0u);
+    let place = (slot ^ select(vec4u(0u), vec4u(octant), is_inner)) & vec4u(0x1fu);
+    let bits = select(vec4u(0u), (slot >> vec4u(5u)) << place, is_hit);
+    return bits.x | bits.y | bits.z | bits.w;
 }
 
 // The children of a node that a ray enters before t_max. Source: [Ylitie17, Sec. 3.2 and 4.1]
@@ -74,22 +100,10 @@ fn visit_node(n0: vec4u, n1: vec4u, n2: vec4u, n3: vec4u, n4: vec4u, s: RaySetup
     let near_z = select(n4.xy, n4.zw, backwards.z);
     let far_z = select(n4.zw, n4.xy, backwards.z);
 
-    var hits = 0u;
-    for (var i = 0u; i < 8u; i++) {
-        let near = vec3f(vec3u(byte_of(near_x, i), byte_of(near_y, i), byte_of(near_z, i)));
-        let far = vec3f(vec3u(byte_of(far_x, i), byte_of(far_y, i), byte_of(far_z, i)));
-        let enter = near * scale + start;
-        let leave = far * scale + start;
-        let t_enter = max(max(enter.x, enter.y), max(enter.z, 0.0));
-        // A few roundings of the far side, so that a grazed box is never missed.
-        let t_leave = min(min(leave.x, leave.y), leave.z) * 1.000001;
-        if t_enter <= min(t_leave, t_max) {
-            let slots = byte_of(n1.zw, i);
-            let is_inner = (slots & (slots << 1u) & 0x10u) != 0u;
-            let index = (slots ^ select(0u, s.octant, is_inner)) & 0x1fu;
-            hits |= (slots >> 5u) << index;
-        }
-    }
+    let lower = Planes(vec3u(near_x.x, near_y.x, near_z.x), vec3u(far_x.x, far_y.x, far_z.x));
+    let upper = Planes(vec3u(near_x.y, near_y.y, near_z.y), vec3u(far_x.y, far_y.y, far_z.y));
+    let hits = visit_four(lower, n1.z, scale, start, s.octant, t_max)
+        | visit_four(upper, n1.w, scale, start, s.octant, t_max);
     return Groups(vec2u(n1.x, (hits & 0xff000000u) | (n0.w >> 24u)), vec2u(n1.y, hits & 0xffffffu));
 }
 
@@ -98,13 +112,15 @@ fn visit_node(n0: vec4u, n1: vec4u, n2: vec4u, n3: vec4u, n4: vec4u, s: RaySetup
 // Source: [MoellerTrumbore97], edges stored
 fn intersect_triangle(corner: vec3f, edge1: vec3f, edge2: vec3f, ray: Ray, t_max: f32) -> vec3f {
     let p = cross(ray.direction, edge2);
-    let inverse = 1.0 / dot(edge1, p);
+    let determinant = dot(edge1, p);
+    let inverse = 1.0 / determinant;
     let s = ray.origin - corner;
     let u = dot(s, p) * inverse;
     let q = cross(s, edge1);
     let v = dot(ray.direction, q) * inverse;
     let t = dot(edge2, q) * inverse;
-    // A determinant of zero makes numbers that are not, for which comparisons are false.
+    // A determinant of zero makes numbers that are not, which a device may compare as it likes.
     let inside = u >= -EDGE_SLACK && v >= -EDGE_SLACK && u + v <= 1.0 + EDGE_SLACK;
-    return select(vec3f(-1.0), vec3f(t, u, v), inside && t > 0.0 && t <= t_max);
+    let is_hit = determinant != 0.0 && inside && t > 0.0 && t <= t_max;
+    return select(vec3f(-1.0), vec3f(t, u, v), is_hit);
 }

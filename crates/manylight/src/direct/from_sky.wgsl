@@ -38,7 +38,9 @@ fn resample_sky(ns: vec3f, sequence: ptr<function, Sequence>) -> SkyRay {
     var held_weight = 1.0;
     for (var i = 0u; i < SKY_CANDIDATES; i++) {
         let sample = sky_sample(next_2d(sequence));
-        let e = sample.radiance * (max(dot(ns, sample.direction), 0.0) / sample.pdf_sa);
+        let cosine = max(dot(ns, sample.direction), 0.0);
+        // A texel without light, which only rounding can draw, gives nothing.
+        let e = select(vec3f(0.0), sample.radiance * (cosine / sample.pdf_sa), sample.pdf_sa > 0.0);
         let weight = luminance(e);
         total += weight;
         if weight > 0.0 {

@@ -1,6 +1,6 @@
 //! Light from infinity.
 
-use crate::math::{Discrete, luminance, uniform_sphere};
+use crate::math::{Discrete, luminance, sin_cos_turns, uniform_sphere};
 use glam::Vec3;
 use manylight_scene::{Sky, SkyMap};
 use std::f32::consts::PI;
@@ -88,8 +88,9 @@ fn direction_of(map: &SkyMap, column: f32, row: usize, share: f32) -> Vec3 {
     let (top, bottom) = (row_cos(map, row as f32), row_cos(map, row as f32 + 1.0));
     let cos = top + (bottom - top) * share;
     let sin = (1.0 - cos * cos).max(0.0).sqrt();
-    let phi = 2.0 * PI * column / map.width as f32 - map.rotation_rad;
-    Vec3::new(-sin * phi.cos(), cos, -sin * phi.sin())
+    let turns = column / map.width as f32 - map.rotation_rad / (2.0 * PI);
+    let (sin_phi, cos_phi) = sin_cos_turns(turns - turns.floor());
+    Vec3::new(-sin * cos_phi, cos, -sin * sin_phi)
 }
 
 fn texel_of(map: &SkyMap, direction: Vec3) -> usize {

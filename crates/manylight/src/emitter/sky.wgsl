@@ -105,10 +105,9 @@ fn sky_direction_of(column: f32, row: u32, share: f32) -> vec3f {
     let top = sky_row_cos(row);
     let cos_theta = top + (sky_row_cos(row + 1u) - top) * share;
     let sin_theta = sqrt(max(1.0 - cos_theta * cos_theta, 0.0));
-    // Within half a turn, where sines are exact on every device.
     let turns = column / f32(sources[SOURCE_SKY_WIDTH]) - source_f32(SOURCE_SKY_TURN);
-    let phi = 2.0 * PI * (turns - round(turns));
-    return vec3f(-sin_theta * cos(phi), cos_theta, -sin_theta * sin(phi));
+    let sin_cos = sin_cos_turns(turns - floor(turns));
+    return vec3f(-sin_theta * sin_cos.y, cos_theta, -sin_theta * sin_cos.x);
 }
 
 // The texel of a direction.

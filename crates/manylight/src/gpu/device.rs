@@ -19,6 +19,8 @@ pub struct Gpu {
     /// Name of the adapter and its driver.
     name: String,
     features: Features,
+    /// Whether every loop counts its turns, so that one without end cannot hang the device.
+    bounds_loops: bool,
     scene_layout: wgpu::BindGroupLayout,
     pub(super) pipelines: Mutex<HashMap<&'static str, wgpu::ComputePipeline>>,
     /// Shader files that may change; locked after `pipelines`.
@@ -47,7 +49,8 @@ impl Gpu {
         let (raw, queue) =
             opened.map_err(|e| device(format!("{} does not open: {e}", description.name)))?;
         let name = format!("{}, {}", description.name, description.driver);
-        let gpu = Self::with_features(raw, queue, name, options.features)?;
+        let mut gpu = Self::with_features(raw, queue, name, options.features)?;
+        gpu.bounds_loops = options.base || options.shaders.is_some();
         gpu.listen();
         #[cfg(debug_assertions)]
         if let Some(folder) = &options.shaders {
@@ -89,6 +92,7 @@ impl Gpu {
         });
         Ok(Self {
             features,
+            bounds_loops: false,
             device,
             queue,
             name,
@@ -356,10 +360,17 @@ impl Gpu {
 
     pub(super) fn build(&self, kernel: &KernelInfo, text: String) -> wgpu::ComputePipeline {
         let label = Some(kernel.shader);
-        let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        let source = wgpu::ShaderModuleDescriptor {
             label,
             source: wgpu::ShaderSource::Wgsl(text.into()),
-        });
+        };
+        let checks = wgpu::ShaderRuntimeChecks {
+            force_loop_bounding: self.bounds_loops,
+            ..wgpu::ShaderRuntimeChecks::checked()
+        };
+        // SAFETY: every loop of our own shaders ends: each turn takes one of finitely many items, of
+        // a range of numbers or of a tree that was built here. Other checks stay.
+        let module = unsafe { self.device.create_shader_module_trusted(source, checks) };
         let stage_layout = self.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label,
             entries: &kernel.layout_entries(),

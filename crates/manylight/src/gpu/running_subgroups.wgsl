@@ -23,10 +23,11 @@ fn running_sum(place: u32, value: u32) -> vec2u {
         sums += vec2u(select(0u, other, i < subgroup_number), other);
     }
     let all = subgroupAdd(sums.y);
+    let before = within + subgroupAdd(sums.x);
     if place == 0u {
         running_all = all;
     }
-    return vec2u(within + subgroupAdd(sums.x), all);
+    return vec2u(before, all);
 }
 
 // The sum of all values of the last running_sum, the same for all invocations.

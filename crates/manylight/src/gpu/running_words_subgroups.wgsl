@@ -19,9 +19,11 @@ fn sum_words(place: u32, words: array<u32, RUNNING_WORDS>) -> RunningWords {
     workgroupBarrier();
     for (var w = 0u; w < RUNNING_WORDS; w++) {
         sums.before[w] = subgroupExclusiveAdd(own[w]);
-        let sum = subgroupAdd(own[w]);
-        if subgroup_place == 0u {
-            subgroup_words[w][subgroup_number] = sum;
+        sums.all[w] = subgroupAdd(own[w]);
+    }
+    if subgroup_place == 0u {
+        for (var w = 0u; w < RUNNING_WORDS; w++) {
+            subgroup_words[w][subgroup_number] = sums.all[w];
         }
     }
     workgroupBarrier();

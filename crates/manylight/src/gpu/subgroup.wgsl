@@ -15,12 +15,11 @@ var<private> subgroup_place: u32;
 fn place_of(local: u32) -> u32 {
     subgroup_place = subgroupExclusiveAdd(1u);
     subgroup_count = subgroupAdd(1u);
-    var first = 0u;
-    if subgroup_place == 0u {
-        first = atomicAdd(&subgroups_seated, 0x10000u + subgroup_count);
-    }
-    // It is zero for all others.
-    first = subgroupAdd(first);
+    // All come here, the others with nothing to add: after a branch that only some took, a device
+    // need not bring a subgroup together again before it sums.
+    let is_first = subgroup_place == 0u;
+    let seated = atomicAdd(&subgroups_seated, select(0u, 0x10000u + subgroup_count, is_first));
+    let first = subgroupAdd(select(0u, seated, is_first));
     subgroup_number = first >> 16u;
     return (first & 0xffffu) + subgroup_place;
 }

@@ -52,17 +52,15 @@ fn owen(x: u32, seed: u32) -> u32 {
 
 /// Second dimension of the Sobol sequence; the first is the bit reversal of the index.
 #[inline]
-fn sobol_y(mut index: u32) -> u32 {
-    let mut direction = 1u32 << 31;
-    let mut y = 0;
-    while index != 0 {
-        if index & 1 != 0 {
-            y ^= direction;
-        }
-        direction ^= direction >> 1;
-        index >>= 1;
-    }
-    y
+fn sobol_y(index: u32) -> u32 {
+    // Its matrix is Pascal's triangle modulo 2: as a product, one step for each bit of a bit's place.
+    let mut v = index;
+    v ^= v >> 16;
+    v ^= (v & 0xff00_ff00) >> 8;
+    v ^= (v & 0xf0f0_f0f0) >> 4;
+    v ^= (v & 0xcccc_cccc) >> 2;
+    v ^= (v & 0xaaaa_aaaa) >> 1;
+    v.reverse_bits()
 }
 
 /// The random numbers of one path or pixel sample, dimension after dimension.

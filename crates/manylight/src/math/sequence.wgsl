@@ -43,17 +43,14 @@ fn owen(x: u32, seed: u32) -> u32 {
 
 // Second dimension of the Sobol sequence; the first is the bit reversal of the index.
 fn sobol_y(position: u32) -> u32 {
-    var index = position;
-    var direction = 0x80000000u;
-    var y = 0u;
-    while index != 0u {
-        if (index & 1u) != 0u {
-            y ^= direction;
-        }
-        direction ^= direction >> 1u;
-        index >>= 1u;
-    }
-    return y;
+    // Its matrix is Pascal's triangle modulo 2: as a product, one step for each bit of a bit's place.
+    var v = position;
+    v ^= v >> 16u;
+    v ^= (v & 0xff00ff00u) >> 8u;
+    v ^= (v & 0xf0f0f0f0u) >> 4u;
+    v ^= (v & 0xccccccccu) >> 2u;
+    v ^= (v & 0xaaaaaaaau) >> 1u;
+    return reverseBits(v);
 }
 
 // The random numbers of one path or pixel sample, dimension after dimension.

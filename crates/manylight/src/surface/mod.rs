@@ -93,7 +93,7 @@ impl World {
     pub fn surface(&self, hit: &Hit, direction: Vec3, normal_maps: bool) -> SurfacePoint {
         let met = Met::new(self, hit);
         let (mesh, material) = (met.mesh, met.material);
-        let [u, v] = hit.barycentrics;
+        let [u, v] = met.barycentrics;
         let [a, b, c] = met.corners;
         let position = a + (b - a) * u + (c - a) * v;
 
@@ -118,7 +118,7 @@ impl World {
             return SurfacePoint { position, ng, ns, albedo: Vec3::ZERO, emission, unlit: true };
         }
         let emission = match from_front || material.double_sided {
-            true => self.emission(hit.instance, hit.triangle, hit.barycentrics),
+            true => self.emission(hit.instance, hit.triangle, met.barycentrics),
             false => Vec3::ZERO,
         };
         SurfacePoint { position, ng, ns, albedo: color, emission, unlit: false }
@@ -140,7 +140,7 @@ impl<'a> Met<'a> {
             vertices,
             corners,
             front: world.front_normal_of(hit.instance, positions, || corners),
-            barycentrics: hit.barycentrics,
+            barycentrics: hit.inside(),
         }
     }
 

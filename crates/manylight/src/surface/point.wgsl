@@ -134,7 +134,7 @@ fn surface_at(hit: Hit, direction: vec3f, normal_maps: bool) -> SurfacePoint {
     let p = object_corners(mesh, vertices);
     let corners = array<vec3f, 3>(
         to_world(instance, p[0]), to_world(instance, p[1]), to_world(instance, p[2]));
-    let uv = hit.uv;
+    let uv = inside(hit.uv);
     var s: SurfacePoint;
     s.position = corners[0] + (corners[1] - corners[0]) * uv.x + (corners[2] - corners[0]) * uv.y;
 

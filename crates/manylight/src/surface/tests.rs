@@ -52,6 +52,24 @@ fn red_bends_the_normal_right_and_green_up() {
     assert!(seen(&world, Vec3::new(-0.3, 0.4, 1.0)).ns.y > 0.9);
 }
 
+/// On the edge itself, or the slack beyond it, a point would lie behind the neighbor of a corner.
+#[test]
+fn points_on_an_edge_lie_inside() {
+    let world = mapped_square([128, 128, 255, 255], Affine3A::IDENTITY);
+    let ray = Ray { origin: Vec3::new(0.4, 0.3, 1.0), direction: Vec3::NEG_Z, t_max: 100.0 };
+    let hit = world.closest(&ray).expect("square");
+    for barycentrics in [[0.0, 0.3], [-1e-6, 0.5], [0.5, 0.5], [0.5, 0.500_001], [0.0, 0.0]] {
+        let point = world.surface(&Hit { barycentrics, ..hit }, ray.direction, true);
+        let inside = point.position.truncate();
+        assert!(inside.min_element() > 5e-6 && inside.max_element() < 1.0 - 5e-6, "{inside}");
+        assert!(inside.x - inside.y > 5e-6, "the other triangle: {inside}");
+        let there = Vec2::new(barycentrics[0] + barycentrics[1], barycentrics[1]);
+        assert!((inside - there).length() < 3e-5, "{inside}");
+    }
+    let point = world.surface(&hit, ray.direction, true);
+    assert!((point.position - Vec3::new(0.4, 0.3, 0.0)).length() < 1e-6);
+}
+
 #[test]
 fn camera_rays_span_the_field_of_view() {
     let camera = Camera::look_at(Vec3::ZERO, Vec3::NEG_Z, Vec3::Y, 90f32.to_radians());

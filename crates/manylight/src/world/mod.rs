@@ -80,6 +80,24 @@ pub struct Hit {
     pub triangle: u32,
 }
 
+/// Least share of a corner in a point of a triangle where rays start or end.
+pub(crate) const EDGE_MARGIN: f32 = 1e-5;
+
+impl Hit {
+    /// The barycentrics of the hit, a little inside the triangle: on its very edge rounding may put
+    /// the point behind the other surface of a corner, where all is dark.
+    #[inline]
+    pub fn inside(&self) -> [f32; 2] {
+        let [u, v] = self.barycentrics;
+        let w = 1.0 - u - v;
+        if u.min(v).min(w) >= EDGE_MARGIN {
+            return [u, v];
+        }
+        let [u, v, w] = [u, v, w].map(|share| share.max(EDGE_MARGIN));
+        [u / (u + v + w), v / (u + v + w)]
+    }
+}
+
 impl World {
     /// Flattens a scene and builds its hierarchies.
     ///

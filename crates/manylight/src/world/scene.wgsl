@@ -76,6 +76,16 @@ fn ray_offset(p: vec3f) -> f32 {
     return max(abs(p.x), max(abs(p.y), abs(p.z))) * 8e-6 + scene.diagonal * 2.5e-7;
 }
 
+// The barycentrics of a hit, a little inside the triangle; twin of Hit::inside.
+fn inside(uv: vec2f) -> vec2f {
+    let w = 1.0 - uv.x - uv.y;
+    if min(min(uv.x, uv.y), w) >= EDGE_MARGIN {
+        return uv;
+    }
+    let shares = max(vec3f(uv, w), vec3f(EDGE_MARGIN));
+    return shares.xy / (shares.x + shares.y + shares.z);
+}
+
 // Vertex indices of a triangle.
 fn triangle_vertices(mesh: u32, triangle: u32) -> vec3u {
     let at = geometry[mesh + 1u] + 3u * triangle;

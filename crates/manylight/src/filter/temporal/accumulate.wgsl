@@ -76,7 +76,8 @@ fn recall(taps: vec4u) -> Share {
         sum.trust += weight * share.y;
         sum.frames += weight * last_frames[there];
     }
-    sum.ratio /= sum.trust;
+    // Without trust the ratio counts for nothing.
+    sum.ratio /= max(sum.trust, 1e-30);
     return sum;
 }
 

@@ -15,7 +15,7 @@ mod hardware;
 
 pub use binary::BinaryWorld;
 
-use super::World;
+use super::{EDGE_MARGIN, World};
 use crate::bvh::gpu::{BinaryNode, GpuTree, NODE_WORDS};
 use crate::error::Error;
 use crate::gpu::{Buf, Constant, Feature, Gpu, Value, kernel, record};
@@ -56,6 +56,7 @@ pub const CONSTANTS: &[Constant] = &[
     Constant { name: "WRAP_MIRROR", value: Value::U32(WRAP_MIRROR) },
     Constant { name: "ALPHA_OPAQUE", value: Value::U32(ALPHA_OPAQUE) },
     Constant { name: "ALPHA_MASK", value: Value::U32(ALPHA_MASK) },
+    Constant { name: "EDGE_MARGIN", value: Value::F32(EDGE_MARGIN) },
     Constant { name: "TIE_SLACK", value: Value::F32(TIE_SLACK) },
 ];
 

@@ -23,7 +23,8 @@ var<workgroup> chunk_range: vec2u;
 var<workgroup> near: array<atomic<u32>, 2>;
 var<workgroup> tile_lights: array<TileLight, CHUNK>;
 
-// Puts the lights of a chunk that the tile sees and that reach it side by side; returns which.
+// Puts the lights of a chunk that the tile sees and that reach it side by side; returns which. Its
+// first barrier waits for those that still read the last chunk's.
 fn narrow(chunk: u32, wanted: u32, bounds: Bounds, local: u32) -> vec2u {
     if local < 2u {
         atomicStore(&near[local], 0u);
@@ -101,7 +102,6 @@ fn main(
             if local == 0u {
                 masks[chunk * TILES + tile % TILES] = mask;
             }
-            workgroupBarrier();
         }
     }
     if pixel != NO_PIXEL {

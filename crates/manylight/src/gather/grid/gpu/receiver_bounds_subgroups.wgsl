@@ -36,6 +36,8 @@ fn joined_high(first: u32) -> vec3f {
 
 // Joins the bounds of all invocations, which must all come here, once.
 fn join_all(own: Bounds, local: u32) -> Bounds {
+    // Brings subgroups together that came out of a loop one by one.
+    workgroupBarrier();
     let joined = Bounds(
         subgroupMin(own.low),
         subgroupMax(own.high),
