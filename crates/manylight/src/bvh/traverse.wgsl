@@ -64,14 +64,16 @@ struct Planes {
 
 // The bits of four children among those of the node, of those that the ray enters before t_max;
 // `slots`: a byte each that says where its bits go.
-fn visit_four(planes: Planes, slots: u32, scale: vec3f, start: vec3f, octant: u32, t_max: f32)
-    -> u32 {
-    let enter = max(
-        max(at_planes(planes.near.x, scale.x, start.x), at_planes(planes.near.y, scale.y, start.y)),
-        max(at_planes(planes.near.z, scale.z, start.z), vec4f(0.0)));
-    let leave = min(
-        min(at_planes(planes.far.x, scale.x, start.x), at_planes(planes.far.y, scale.y, start.y)),
-        at_planes(planes.far.z, scale.z, start.z));
+fn visit_four(planes: Planes, slots: u32, scale: vec3f, start: vec3f, octant: u32,
+    t_max: f32) -> u32 {
+    let near_x = at_planes(planes.near.x, scale.x, start.x);
+    let near_y = at_planes(planes.near.y, scale.y, start.y);
+    let near_z = at_planes(planes.near.z, scale.z, start.z);
+    let far_x = at_planes(planes.far.x, scale.x, start.x);
+    let far_y = at_planes(planes.far.y, scale.y, start.y);
+    let far_z = at_planes(planes.far.z, scale.z, start.z);
+    let enter = max(max(near_x, near_y), max(near_z, vec4f(0.0)));
+    let leave = min(min(far_x, far_y), far_z);
     // A few roundings of the far side, so that a grazed box is never missed.
     let is_hit = enter <= min(leave * 1.000001, vec4f(t_max));
     let slot = unpack4xU8(slots);

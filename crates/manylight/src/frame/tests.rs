@@ -78,7 +78,7 @@ fn the_grid_agrees_with_brute_force() {
         let grid = render(&renderer, &camera, [24, 24], &grid);
         let brute = render(&renderer, &camera, [24, 24], &brute);
         let bias = energy(&grid.indirect) / energy(&brute.indirect) - 1.0;
-        // Closed rooms come out some percent too bright, see docs/methods/grid.md.
+        // Closed rooms come out some percent too bright, see docs/methods/lighting.md.
         assert!(bias.abs() < 0.08, "{name} {bias}");
     }
 }

@@ -34,7 +34,8 @@ pub struct Gpu {
 }
 
 impl Gpu {
-    /// Opens a device.
+    /// Opens a device, with less than was asked for where it does not open with all that it offers;
+    /// [`Gpu::features`] tells.
     ///
     /// Errors: no adapter, none of that name, or what the chosen one lacks
     pub fn open(options: &GpuOptions) -> Result<Self, Error> {
@@ -44,12 +45,18 @@ impl Gpu {
             return Err(device(problem.to_owned()));
         }
         let (description, adapter) = choose(options)?;
-        let opened =
-            pollster::block_on(adapter.request_device(&device_descriptor(&adapter, options)));
-        let (raw, queue) =
-            opened.map_err(|e| device(format!("{} does not open: {e}", description.name)))?;
+        let open = |&features: &Features| {
+            let asked = device_descriptor(&adapter, &GpuOptions { features, ..options.clone() });
+            pollster::block_on(adapter.request_device(&asked)).map(|opened| (opened, features))
+        };
+        let tried = options.features.fewer();
+        let mut opened = tried.iter().map(open);
+        let first = opened.next().expect("what was asked for is tried first");
+        let ((raw, queue), features) = first
+            .or_else(|problem| opened.find_map(Result::ok).ok_or(problem))
+            .map_err(|e| device(format!("{} does not open: {e}", description.name)))?;
         let name = format!("{}, {}", description.name, description.driver);
-        let mut gpu = Self::with_features(raw, queue, name, options.features)?;
+        let mut gpu = Self::with_features(raw, queue, name, features)?;
         gpu.bounds_loops = options.base || options.shaders.is_some();
         gpu.listen();
         #[cfg(debug_assertions)]
@@ -360,16 +367,14 @@ impl Gpu {
 
     pub(super) fn build(&self, kernel: &KernelInfo, text: String) -> wgpu::ComputePipeline {
         let label = Some(kernel.shader);
-        let source = wgpu::ShaderModuleDescriptor {
-            label,
-            source: wgpu::ShaderSource::Wgsl(text.into()),
-        };
+        let source =
+            wgpu::ShaderModuleDescriptor { label, source: wgpu::ShaderSource::Wgsl(text.into()) };
         let checks = wgpu::ShaderRuntimeChecks {
             force_loop_bounding: self.bounds_loops,
             ..wgpu::ShaderRuntimeChecks::checked()
         };
-        // SAFETY: every loop of our own shaders ends: each turn takes one of finitely many items, of
-        // a range of numbers or of a tree that was built here. Other checks stay.
+        // SAFETY: every loop of our own shaders ends: each turn takes one of finitely many items,
+        // of a range of numbers or of a tree that was built here. Other checks stay.
         let module = unsafe { self.device.create_shader_module_trusted(source, checks) };
         let stage_layout = self.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label,

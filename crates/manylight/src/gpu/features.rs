@@ -108,6 +108,15 @@ impl Features {
         Self { chosen: Feature::ALL.map(has) }
     }
 
+    /// The same, then less and less, for drivers that offer what they do not have: what is rare and
+    /// new goes first.
+    pub(super) fn fewer(self) -> Vec<Self> {
+        let common = self.without(Feature::RayQueries).without(Feature::Bindless);
+        let mut tried = vec![self, common, Self::NONE];
+        tried.dedup();
+        tried
+    }
+
     /// What the device is asked for.
     pub fn wgpu(self) -> wgpu::Features {
         let chosen = Feature::ALL.into_iter().filter(|&f| self.has(f));
@@ -144,4 +153,22 @@ pub struct Variant {
     pub of: &'static str,
     /// Path of the file that stands for it.
     pub by: &'static str,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_does_not_open_is_given_up_from_the_rarest_on() {
+        let names = |features: Features| -> Vec<_> {
+            features.fewer().into_iter().map(|tried| tried.names().join(" ")).collect()
+        };
+        assert_eq!(
+            names(Features::ALL),
+            ["subgroups half ray_queries bindless", "subgroups half", ""]
+        );
+        assert_eq!(names(Features::only(Feature::Half)), ["half", ""]);
+        assert_eq!(names(Features::NONE), [""]);
+    }
 }

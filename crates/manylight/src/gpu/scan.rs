@@ -7,7 +7,7 @@ use super::{Buf, Constant, KernelInfo, Memory, Recorder, Value, kernel, record};
 use crate::error::Error;
 
 /// Values that one workgroup scans.
-const SCAN_BLOCK: u32 = 2048;
+pub(crate) const SCAN_BLOCK: u32 = 2048;
 const CONSTANTS: &[Constant] = &[Constant { name: "SCAN_BLOCK", value: Value::U32(SCAN_BLOCK) }];
 
 record! {

@@ -53,7 +53,7 @@ fn owen(x: u32, seed: u32) -> u32 {
 /// Second dimension of the Sobol sequence; the first is the bit reversal of the index.
 #[inline]
 fn sobol_y(index: u32) -> u32 {
-    // Its matrix is Pascal's triangle modulo 2: as a product, one step for each bit of a bit's place.
+    // Its matrix is Pascal's triangle modulo 2: a product of one step for each bit of a place.
     let mut v = index;
     v ^= v >> 16;
     v ^= (v & 0xff00_ff00) >> 8;

@@ -43,7 +43,7 @@ fn owen(x: u32, seed: u32) -> u32 {
 
 // Second dimension of the Sobol sequence; the first is the bit reversal of the index.
 fn sobol_y(position: u32) -> u32 {
-    // Its matrix is Pascal's triangle modulo 2: as a product, one step for each bit of a bit's place.
+    // Its matrix is Pascal's triangle modulo 2: a product of one step for each bit of a place.
     var v = position;
     v ^= v >> 16u;
     v ^= (v & 0xff00ff00u) >> 8u;

@@ -3,7 +3,7 @@
 //! In: virtual lights, receivers · Out: [`LightingGrid`], [`Gathered`](super::Gathered)
 //! Paper: `[LinYuksel19]`, `[YukselYuksel17]`; differs: six lobes per vertex, levels from the
 //! moments of the level below, shadow rays to real virtual lights, gathering by tiles; see
-//! `docs/methods/grid.md`
+//! `docs/methods/grid.md`, `docs/methods/lighting.md`, `docs/methods/shadows.md`
 //! Limits: at most 14 levels.
 
 mod build;

@@ -3,6 +3,7 @@
 use super::params::{BLOCK_PIXELS, BLOCK_SIDE, CHUNK, GatherStats, TILES};
 use crate::gather::grid::TILE;
 use crate::gather::grid::reach::ASKED;
+use crate::gpu::scan::SCAN_BLOCK;
 use crate::gpu::{Gpu, MAX_GROUPS};
 use crate::settings::Settings;
 
@@ -28,7 +29,8 @@ pub struct GatherCapacity {
 impl Default for GatherCapacity {
     fn default() -> Self {
         Self {
-            band_blocks: 2048,
+            // With their sum one block of a scan.
+            band_blocks: SCAN_BLOCK - 1,
             block_chunks: 40,
             least_chunks: 16_384,
             frontier: 3584,
@@ -57,7 +59,8 @@ impl GatherCapacity {
         let most = gpu.max_list_bytes();
         self.slice_rays = self.slice_rays.min(settings.shadow.rays).max(1);
         let [x, y] = blocks_of(width, height, settings.interleave as usize);
-        let blocks = self.band_blocks.min((x * y) as u32).max(1);
+        let all = ((x * y) as u32).max(1);
+        let blocks = self.band_blocks.clamp(1, all);
         self.block_chunks = self.block_chunks.max(self.least_chunks.div_ceil(blocks)).max(1);
         self.frontier = self.frontier.max(self.least_frontiers.div_ceil(blocks.max(ASKED as u32)));
         // The search for alpha takes a frontier for each receiver that it asks.
@@ -71,7 +74,9 @@ impl GatherCapacity {
         ];
         let block_bytes = most_bytes.into_iter().max().unwrap_or(1) as u64;
         let most_blocks = (most / block_bytes).min(u64::from(MAX_GROUPS) / TILES as u64);
-        self.band_blocks = u64::from(blocks).min(most_blocks).max(1) as u32;
+        let blocks = u64::from(blocks).min(most_blocks).max(1) as u32;
+        // Bands of one size: a last small one would leave a large device idle.
+        self.band_blocks = all.div_ceil(all.div_ceil(blocks));
         self
     }
 
