@@ -51,7 +51,7 @@ struct Groups {
     triangles: vec2u,
 }
 
-// Where a ray is at four planes, bytes of a word, of one axis: `scale` and `start` as in visit_node.
+// Where a ray is at four planes of one axis, bytes of a word; scale and start as in visit_node.
 fn at_planes(word: u32, scale: f32, start: f32) -> vec4f {
     return vec4f(unpack4xU8(word)) * scale + start;
 }
