@@ -255,28 +255,37 @@ impl GpuLayers {
     ///
     /// Errors: what the device reported
     pub fn download(&self, gpu: &Gpu, receivers: &GpuReceivers) -> Result<Layers, Error> {
-        let read = |plane| gpu.read(plane, self.width * self.height);
-        let three = |[x, y, z, _]: &[f32; 4]| Vec3::new(*x, *y, *z);
-        let colors = |plane: &[[f32; 4]]| plane.iter().map(three).collect::<Vec<_>>();
-        let fourth = |plane: &[[f32; 4]]| plane.iter().map(|v| v[3]).collect::<Vec<_>>();
-        let kept = self.kept.as_ref();
-        let direct = read(&self.direct)?;
-        let indirect = read(&self.indirect)?;
-        let positions = read(kept.map_or(&receivers.positions, |kept| &kept.positions))?;
+        let GpuReceivers { positions, normals, albedos, emissions, .. } = receivers;
+        let (albedos, emissions, positions, normals) = match &self.kept {
+            None => (albedos, emissions, positions, normals),
+            Some(kept) => (&kept.albedos, &kept.emissions, &kept.positions, &kept.normals),
+        };
+        let planes = [&self.direct, &self.indirect, positions, &self.unshadowed];
+        let planes = [&planes[..], &[emissions, albedos, normals]].concat();
+        let parts = |i: usize, plane: &[[f32; 4]]| {
+            let colors = plane.iter().map(|[x, y, z, _]| Vec3::new(*x, *y, *z));
+            // The fourth of the other planes tells nothing.
+            let fourth = if i < 3 { plane } else { &[] };
+            (colors.collect(), fourth.iter().map(|v| v[3]).collect())
+        };
+        let parts: Vec<(Vec<Vec3>, Vec<f32>)> =
+            gpu.read_each(&planes, self.width * self.height, parts)?;
+        let [direct, indirect, position, unshadowed, emission, albedo, normal] =
+            parts.try_into().expect("as many as there are planes");
         let depth = |depth: f32| if depth < NO_SURFACE { depth } else { f32::INFINITY };
         Ok(Layers {
             width: self.width,
             height: self.height,
-            direct: colors(&direct),
-            indirect: colors(&indirect),
-            indirect_unshadowed: colors(&read(&self.unshadowed)?),
-            shadow_ratio: fourth(&indirect),
-            emission: colors(&read(kept.map_or(&receivers.emissions, |kept| &kept.emissions))?),
-            albedo: colors(&read(kept.map_or(&receivers.albedos, |kept| &kept.albedos))?),
-            normal: colors(&read(kept.map_or(&receivers.normals, |kept| &kept.normals))?),
-            position: colors(&positions),
-            depth: fourth(&positions).into_iter().map(depth).collect(),
-            evals: fourth(&direct),
+            direct: direct.0,
+            indirect: indirect.0,
+            indirect_unshadowed: unshadowed.0,
+            shadow_ratio: indirect.1,
+            emission: emission.0,
+            albedo: albedo.0,
+            normal: normal.0,
+            position: position.0,
+            depth: position.1.into_iter().map(depth).collect(),
+            evals: direct.1,
         })
     }
 

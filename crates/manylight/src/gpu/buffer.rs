@@ -1,10 +1,12 @@
 //! Buffers that know what they hold.
 
-use super::Gpu;
+use super::groups::Groups;
 use super::pool::Block;
+use super::{Bound, Gpu, Place};
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
 use std::marker::PhantomData;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Something that a buffer holds: plain bytes with the layout of a shader's type.
@@ -38,19 +40,30 @@ pub(crate) use record;
 
 /// What a device holds: bytes by name.
 #[derive(Debug, Default)]
-pub struct Account(Mutex<BTreeMap<&'static str, u64>>);
+pub struct Account {
+    held: Mutex<BTreeMap<&'static str, u64>>,
+    /// Memories that there have been.
+    count: AtomicU64,
+    /// What is bound to some of it.
+    pub(super) groups: Groups,
+}
 
 impl Account {
     /// Bytes by name, the most first.
     pub fn list(&self) -> Vec<(&'static str, u64)> {
-        let held = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let held = self.held.lock().unwrap_or_else(PoisonError::into_inner);
         let mut list: Vec<_> = held.iter().map(|(&name, &bytes)| (name, bytes)).collect();
         list.sort_by_key(|&(name, bytes)| (Reverse(bytes), name));
         list
     }
 
+    /// A number for another memory.
+    pub(super) fn number(&self) -> u64 {
+        self.count.fetch_add(1, Ordering::Relaxed)
+    }
+
     fn change(&self, name: &'static str, change: impl FnOnce(u64) -> u64) {
-        let mut held = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut held = self.held.lock().unwrap_or_else(PoisonError::into_inner);
         let bytes = held.get(name).copied().unwrap_or(0);
         match change(bytes) {
             0 => held.remove(name),
@@ -65,17 +78,21 @@ pub struct HeldBytes {
     account: Arc<Account>,
     name: &'static str,
     bytes: u64,
+    /// Number of the memory.
+    memory: u64,
 }
 
 impl HeldBytes {
     pub(super) fn new(account: Arc<Account>, name: &'static str, bytes: u64) -> Self {
         account.change(name, |held| held + bytes);
-        Self { account, name, bytes }
+        let memory = account.number();
+        Self { account, name, bytes, memory }
     }
 }
 
 impl Drop for HeldBytes {
     fn drop(&mut self) {
+        self.account.groups.forget(self.memory);
         self.account.change(self.name, |held| held - self.bytes);
     }
 }
@@ -130,12 +147,9 @@ impl<T: Record> Buf<T> {
     }
 
     /// What a kernel is bound to: the list and no more, where its memory is larger.
-    pub fn binding(&self) -> wgpu::BindingResource<'_> {
-        wgpu::BindingResource::Buffer(wgpu::BufferBinding {
-            buffer: &self.raw,
-            offset: self.offset,
-            size: wgpu::BufferSize::new(Self::bytes(self.len)),
-        })
+    pub fn binding(&self) -> Bound<'_> {
+        let (memory, offset, size) = (self.held.memory, self.offset, Self::bytes(self.len));
+        Bound::Bytes(&self.raw, Place { memory, offset, size })
     }
 
     /// Records.

@@ -5,11 +5,14 @@ use super::buffer::{Account, HeldBytes};
 use super::recorder::{Arena, Recorder};
 #[cfg(debug_assertions)]
 use super::reload::Reload;
-use super::{Buf, Feature, Features, KernelInfo, Record, SHADERS, link};
+use super::{Buf, Feature, Features, Record};
 use crate::error::Error;
 use std::collections::HashMap;
 use std::num::NonZeroU32;
 use std::sync::{Arc, Mutex, PoisonError};
+
+/// Most bytes that are copied back at a time, unless one list has more.
+const MOST_STAGED: u64 = 128 << 20;
 
 /// An open device.
 #[derive(Debug)]
@@ -20,9 +23,11 @@ pub struct Gpu {
     name: String,
     features: Features,
     /// Whether every loop counts its turns, so that one without end cannot hang the device.
-    bounds_loops: bool,
+    pub(super) bounds_loops: bool,
     scene_layout: wgpu::BindGroupLayout,
+    /// By the path of the shader.
     pub(super) pipelines: Mutex<HashMap<&'static str, wgpu::ComputePipeline>>,
+    pub(super) stage_layouts: Mutex<HashMap<&'static str, wgpu::BindGroupLayout>>,
     /// Shader files that may change; locked after `pipelines`.
     #[cfg(debug_assertions)]
     pub(super) reload: Mutex<Option<Reload>>,
@@ -71,6 +76,10 @@ impl Gpu {
     /// opened with, but textures are not bound one by one; ray queries also need limits for
     /// acceleration structures.
     ///
+    /// Make its `wgpu::Instance` without `InstanceFlags::VALIDATION_INDIRECT_CALL`, which is among
+    /// the default flags: else wgpu checks each indirect dispatch, some fifty a frame, by one of
+    /// its own. Those of this library are clamped where they are written.
+    ///
     /// Errors: less than `wgpu::Limits::defaults()`
     pub fn from_device(
         device: wgpu::Device,
@@ -105,6 +114,7 @@ impl Gpu {
             name,
             scene_layout,
             pipelines: Mutex::default(),
+            stage_layouts: Mutex::default(),
             #[cfg(debug_assertions)]
             reload: Mutex::default(),
             arenas: Arc::default(),
@@ -172,6 +182,11 @@ impl Gpu {
         HeldBytes::new(self.account.clone(), name, bytes)
     }
 
+    /// What is kept about its memory.
+    pub(super) fn account(&self) -> &Account {
+        &self.account
+    }
+
     /// Most bytes of one list.
     pub fn max_list_bytes(&self) -> u64 {
         let limits = self.device.limits();
@@ -222,6 +237,8 @@ impl Gpu {
         let problems: Vec<_> = problems.collect();
         match problems.into_iter().flatten().next() {
             Some(e) => {
+                // What was made meanwhile may be of no use.
+                self.account.groups.clear();
                 // Whatever is done on a lost device goes wrong; polling tells of the loss.
                 self.poll()?;
                 result.and(Err(self.problem(&one_line(&e))))
@@ -254,37 +271,45 @@ impl Gpu {
         if count == 0 {
             return Ok(Vec::new());
         }
-        let size = ((count * size_of::<T>()) as u64).next_multiple_of(4);
-        let mapped = self.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("read back"),
-            size,
-            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
-        let mut encoder = self.device.create_command_encoder(&Default::default());
-        encoder.copy_buffer_to_buffer(buffer.raw(), buffer.offset(), &mapped, 0, size);
-        self.queue.submit([encoder.finish()]);
-        self.read_mapped(&mapped, count * size_of::<T>())
+        Ok(self.read_each(&[buffer], count, |_, items| items.to_vec())?.remove(0))
     }
 
-    /// Waits for the device and reads the first bytes of a mappable buffer as records.
-    pub(super) fn read_mapped<T: bytemuck::Pod>(
+    /// Waits for the device and makes something of the first records of each of some buffers, of
+    /// which every one has that many; `make` is given the position of the buffer too. As many are
+    /// copied at a time as 128 MiB hold, one at least.
+    ///
+    /// Errors: what the device reported
+    pub fn read_each<T: Record, M>(
         &self,
-        mapped: &wgpu::Buffer,
-        bytes: usize,
-    ) -> Result<Vec<T>, Error> {
-        if bytes == 0 {
-            return Ok(Vec::new());
+        buffers: &[&Buf<T>],
+        count: usize,
+        mut make: impl FnMut(usize, &[T]) -> M,
+    ) -> Result<Vec<M>, Error> {
+        let size = Buf::<T>::bytes(count);
+        let mut made = Vec::with_capacity(buffers.len());
+        for some in buffers.chunks((MOST_STAGED / size).max(1) as usize) {
+            let mut encoder = self.device.create_command_encoder(&Default::default());
+            let stage = |buffer: &&Buf<T>| {
+                let mapped = self.device.create_buffer(&wgpu::BufferDescriptor {
+                    label: Some("read back"),
+                    size,
+                    usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+                    mapped_at_creation: false,
+                });
+                encoder.copy_buffer_to_buffer(buffer.raw(), buffer.offset(), &mapped, 0, size);
+                encoder.map_buffer_on_submit(&mapped, wgpu::MapMode::Read, .., |_| ());
+                mapped
+            };
+            let staged: Vec<_> = some.iter().map(stage).collect();
+            self.queue.submit([encoder.finish()]);
+            self.wait()?;
+            for mapped in staged {
+                let view = mapped.slice(..).get_mapped_range().map_err(|e| device(one_line(&e)))?;
+                let items = bytemuck::cast_slice(&view[..count * size_of::<T>()]);
+                made.push(make(made.len(), items));
+            }
         }
-        let slice = mapped.slice(..(bytes as u64).next_multiple_of(4));
-        slice.map_async(wgpu::MapMode::Read, |_| ());
-        self.wait()?;
-        let view = slice.get_mapped_range().map_err(|e| device(one_line(&e)))?;
-        let mut items = vec![T::zeroed(); bytes / size_of::<T>()];
-        bytemuck::cast_slice_mut(&mut items).copy_from_slice(&view[..bytes]);
-        drop(view);
-        mapped.unmap();
-        Ok(items)
+        Ok(made)
     }
 
     /// Waits until all submitted work is done.
@@ -347,53 +372,6 @@ impl Gpu {
 
     pub(super) fn arenas(&self) -> Arc<Mutex<Vec<Arena>>> {
         self.arenas.clone()
-    }
-
-    /// The pipeline of a kernel, built when it is first asked for.
-    ///
-    /// Panics: where a shader does not link, which a test rules out
-    pub(super) fn pipeline(&self, kernel: &'static KernelInfo) -> wgpu::ComputePipeline {
-        let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
-        let build = || {
-            #[cfg(debug_assertions)]
-            if let Some(pipeline) = self.build_from_folder(kernel) {
-                return pipeline;
-            }
-            let text = link(kernel, SHADERS, self.features).expect("a test links every shader");
-            self.build(kernel, text)
-        };
-        pipelines.entry(kernel.shader).or_insert_with(build).clone()
-    }
-
-    pub(super) fn build(&self, kernel: &KernelInfo, text: String) -> wgpu::ComputePipeline {
-        let label = Some(kernel.shader);
-        let source =
-            wgpu::ShaderModuleDescriptor { label, source: wgpu::ShaderSource::Wgsl(text.into()) };
-        let checks = wgpu::ShaderRuntimeChecks {
-            force_loop_bounding: self.bounds_loops,
-            ..wgpu::ShaderRuntimeChecks::checked()
-        };
-        // SAFETY: every loop of our own shaders ends: each turn takes one of finitely many items,
-        // of a range of numbers or of a tree that was built here. Other checks stay.
-        let module = unsafe { self.device.create_shader_module_trusted(source, checks) };
-        let stage_layout = self.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-            label,
-            entries: &kernel.layout_entries(),
-        });
-        let layouts = [Some(&stage_layout), Some(&self.scene_layout)];
-        let layout = self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label,
-            bind_group_layouts: if kernel.scene { &layouts } else { &layouts[..1] },
-            immediate_size: 0,
-        });
-        self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label,
-            layout: Some(&layout),
-            module: &module,
-            entry_point: Some("main"),
-            compilation_options: Default::default(),
-            cache: None,
-        })
     }
 }
 

@@ -1,5 +1,8 @@
 //! Declaring kernels: a shader's entry point with everything it is bound to.
 
+use super::Place;
+use super::recorder::UniformMemory;
+
 /// How a kernel uses what is bound to a port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Access {
@@ -66,13 +69,34 @@ pub struct KernelInfo {
     pub ports: &'static [Port],
 }
 
+/// What is bound to a port.
+#[derive(Clone, Copy, Debug)]
+pub enum Bound<'a> {
+    /// Some bytes of a buffer.
+    Bytes(&'a wgpu::Buffer, Place),
+    /// A texture.
+    Texture(&'a wgpu::TextureView),
+}
+
+impl<'a> Bound<'a> {
+    pub(super) fn resource(self) -> wgpu::BindingResource<'a> {
+        match self {
+            Self::Texture(view) => wgpu::BindingResource::TextureView(view),
+            Self::Bytes(buffer, Place { offset, size, .. }) => {
+                let size = wgpu::BufferSize::new(size);
+                wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer, offset, size })
+            }
+        }
+    }
+}
+
 /// A kernel with what is bound to it.
 pub trait Kernel {
     /// What it is.
     const INFO: &'static KernelInfo;
 
     /// What is bound, in the order of the ports; `uniforms` holds the values of uniform ports.
-    fn bindings<'a>(&'a self, uniforms: &'a wgpu::Buffer) -> Vec<wgpu::BindingResource<'a>>;
+    fn bindings<'a>(&'a self, uniforms: &'a UniformMemory) -> Vec<Bound<'a>>;
 }
 
 /// Declares a kernel: a struct with one field per port.
@@ -99,10 +123,8 @@ macro_rules! kernel {
     (@bind shared, $value:expr, $uniforms:ident) => { $value.binding() };
     (@bind read, $value:expr, $uniforms:ident) => { $value.binding() };
     (@bind write, $value:expr, $uniforms:ident) => { $value.binding() };
-    (@bind texture, $value:expr, $uniforms:ident) => {
-        wgpu::BindingResource::TextureView($value)
-    };
-    (@bind store, $value:expr, $uniforms:ident) => { wgpu::BindingResource::TextureView($value) };
+    (@bind texture, $value:expr, $uniforms:ident) => { $crate::gpu::Bound::Texture($value) };
+    (@bind store, $value:expr, $uniforms:ident) => { $crate::gpu::Bound::Texture($value) };
     (@scene) => { false };
     (@scene scene) => { true };
     ($(#[$meta:meta])* $vis:vis struct $name:ident = $shader:literal, [$x:expr, $y:expr, $z:expr]
@@ -135,8 +157,8 @@ macro_rules! kernel {
 
             fn bindings<'b>(
                 &'b self,
-                uniforms: &'b wgpu::Buffer,
-            ) -> Vec<wgpu::BindingResource<'b>> {
+                uniforms: &'b $crate::gpu::UniformMemory,
+            ) -> Vec<$crate::gpu::Bound<'b>> {
                 let _ = uniforms;
                 vec![$($crate::gpu::kernel!(@bind $access, self.$port, uniforms),)*]
             }

@@ -69,6 +69,16 @@ impl Later {
             }
         }
     }
+
+    /// The records of a submission that was waited for.
+    ///
+    /// Errors: what the device reported
+    pub fn bytes(&self, gpu: &Gpu) -> Result<Vec<u8>, Error> {
+        match self.look(gpu)? {
+            Arrival::Here(bytes) => Ok(bytes),
+            Arrival::Pending | Arrival::Never => Err(gpu.problem("nothing was read back")),
+        }
+    }
 }
 
 /// Takes a record off the front of bytes that came.

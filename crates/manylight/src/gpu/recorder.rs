@@ -1,7 +1,8 @@
 //! One submission: stages and their dispatches, in order.
 
+use super::groups::Key;
 use super::timer::Timer;
-use super::{Buf, Gpu, Kernel, MAX_GROUPS, Record, StageTime};
+use super::{Bound, Buf, Gpu, Kernel, KernelInfo, MAX_GROUPS, Place, Record, StageTime};
 use crate::error::Error;
 use std::marker::PhantomData;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -28,30 +29,36 @@ impl<T> Copy for Uniform<T> {}
 
 impl<T> Uniform<T> {
     /// Where it lies in the submission's uniforms.
-    pub fn binding<'a>(&self, uniforms: &'a wgpu::Buffer) -> wgpu::BindingResource<'a> {
-        wgpu::BindingResource::Buffer(wgpu::BufferBinding {
-            buffer: uniforms,
-            offset: self.offset,
-            size: wgpu::BufferSize::new(size_of::<T>() as u64),
-        })
+    pub fn binding<'a>(&self, uniforms: &'a UniformMemory) -> Bound<'a> {
+        let (memory, offset, size) = (uniforms.memory, self.offset, size_of::<T>() as u64);
+        Bound::Bytes(&uniforms.raw, Place { memory, offset, size })
     }
+}
+
+/// Where the uniforms of a submission lie.
+#[derive(Debug)]
+pub struct UniformMemory {
+    raw: wgpu::Buffer,
+    /// Its number, see [`Place`].
+    memory: u64,
 }
 
 /// Memory that submissions use one after another.
 #[derive(Debug)]
 pub(super) struct Arena {
-    uniforms: wgpu::Buffer,
+    uniforms: UniformMemory,
     timer: Option<Timer>,
 }
 
 impl Arena {
     pub fn new(gpu: &Gpu) -> Self {
-        let uniforms = gpu.device().create_buffer(&wgpu::BufferDescriptor {
+        let raw = gpu.device().create_buffer(&wgpu::BufferDescriptor {
             label: Some("uniforms"),
             size: (UNIFORM_STRIDE * MOST_UNIFORMS) as u64,
             usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
+        let uniforms = UniformMemory { raw, memory: gpu.account().number() };
         Self { uniforms, timer: Timer::new(gpu) }
     }
 }
@@ -69,6 +76,21 @@ impl Drop for Loan {
     }
 }
 
+/// What is encoded as soon as all pipelines are there.
+#[derive(Debug)]
+enum Waiting {
+    Stage(&'static str),
+    Run { kernel: &'static KernelInfo, group: wgpu::BindGroup, grid: Grid },
+}
+
+/// How many workgroups run.
+#[derive(Debug)]
+enum Grid {
+    Size([u32; 3]),
+    /// Those written there.
+    Written(wgpu::Buffer, u64),
+}
+
 /// Where commands go.
 #[derive(Debug)]
 enum Commands<'g> {
@@ -83,6 +105,7 @@ enum Commands<'g> {
 pub struct Recorder<'g> {
     gpu: &'g Gpu,
     commands: Commands<'g>,
+    waiting: Vec<Waiting>,
     pass: Option<wgpu::ComputePass<'static>>,
     scene: Option<&'g wgpu::BindGroup>,
     arena: Arena,
@@ -98,7 +121,7 @@ impl<'g> Recorder<'g> {
             timer.clear();
         }
         let commands = Commands::Own(encoder);
-        Self { gpu, commands, pass: None, scene, arena, uniforms: Vec::new() }
+        Self::with(gpu, commands, scene, arena)
     }
 
     /// Records between the commands of someone who submits them later.
@@ -109,15 +132,25 @@ impl<'g> Recorder<'g> {
         work: impl FnOnce(&mut Self) -> T,
     ) -> T {
         let (commands, arena) = (Commands::Lent(encoder), gpu.take_arena());
-        let mut rec = Self { gpu, commands, pass: None, scene, arena, uniforms: Vec::new() };
+        let mut rec = Self::with(gpu, commands, scene, arena);
         let result = work(&mut rec);
         rec.write_uniforms();
-        rec.pass = None;
+        rec.encoder();
         let Self { mut commands, arena, .. } = rec;
         // Nobody else writes its uniforms before these commands have run, or were dropped.
         let loan = Loan { arena: Some(arena), shelf: gpu.arenas() };
         commands.encoder().on_submitted_work_done(move || drop(loan));
         result
+    }
+
+    fn with(
+        gpu: &'g Gpu,
+        commands: Commands<'g>,
+        scene: Option<&'g wgpu::BindGroup>,
+        arena: Arena,
+    ) -> Self {
+        let (waiting, uniforms) = (Vec::new(), Vec::new());
+        Self { gpu, commands, waiting, pass: None, scene, arena, uniforms }
     }
 
     /// The device.
@@ -127,6 +160,32 @@ impl<'g> Recorder<'g> {
 
     /// Begins a stage: what follows is timed under this name.
     pub fn stage(&mut self, name: &'static str) {
+        self.waiting.push(Waiting::Stage(name));
+    }
+
+    /// The commands, between passes; all that was recorded before is among them.
+    pub(super) fn encoder(&mut self) -> &mut wgpu::CommandEncoder {
+        self.encode();
+        self.pass = None;
+        self.commands.encoder()
+    }
+
+    /// Encodes what waits, with its pipelines.
+    fn encode(&mut self) {
+        let waiting = std::mem::take(&mut self.waiting);
+        self.gpu.build_pipelines(waiting.iter().filter_map(|w| match w {
+            Waiting::Stage(_) => None,
+            Waiting::Run { kernel, .. } => Some(*kernel),
+        }));
+        for command in waiting {
+            match command {
+                Waiting::Stage(name) => self.begin_pass(name),
+                Waiting::Run { kernel, group, grid } => self.encode_run(kernel, &group, &grid),
+            }
+        }
+    }
+
+    fn begin_pass(&mut self, name: &'static str) {
         self.pass = None;
         // Someone else's commands are timed by whom they belong to.
         let timer = self.arena.timer.as_mut().filter(|_| matches!(self.commands, Commands::Own(_)));
@@ -136,10 +195,20 @@ impl<'g> Recorder<'g> {
         self.pass = Some(encoder.begin_compute_pass(&descriptor).forget_lifetime());
     }
 
-    /// The commands, between passes.
-    pub(super) fn encoder(&mut self) -> &mut wgpu::CommandEncoder {
-        self.pass = None;
-        self.commands.encoder()
+    fn encode_run(&mut self, kernel: &'static KernelInfo, group: &wgpu::BindGroup, grid: &Grid) {
+        if self.pass.is_none() {
+            self.begin_pass("unnamed");
+        }
+        let pass = self.pass.as_mut().expect("begun above");
+        pass.set_pipeline(&self.gpu.pipeline(kernel));
+        pass.set_bind_group(0, group, &[]);
+        if kernel.scene {
+            pass.set_bind_group(1, self.scene.expect("a scene for a kernel that needs it"), &[]);
+        }
+        match grid {
+            Grid::Size([x, y, z]) => pass.dispatch_workgroups(*x, *y, *z),
+            Grid::Written(groups, offset) => pass.dispatch_workgroups_indirect(groups, *offset),
+        }
     }
 
     /// A uniform of this submission.
@@ -156,7 +225,7 @@ impl<'g> Recorder<'g> {
     /// Runs a kernel in a grid of workgroups.
     pub fn dispatch<K: Kernel>(&mut self, kernel: &K, [x, y, z]: [u32; 3]) {
         if x > 0 && y > 0 && z > 0 {
-            self.bind(kernel).dispatch_workgroups(x, y, z);
+            self.run(kernel, Grid::Size([x, y, z]));
         }
     }
 
@@ -182,33 +251,27 @@ impl<'g> Recorder<'g> {
         index: usize,
     ) {
         let offset = groups.offset() + (index * size_of::<[u32; 3]>()) as u64;
-        self.bind(kernel).dispatch_workgroups_indirect(groups.raw(), offset);
+        self.run(kernel, Grid::Written(groups.raw().clone(), offset));
     }
 
-    /// Sets a kernel and everything bound to it.
-    fn bind<K: Kernel>(&mut self, kernel: &K) -> &mut wgpu::ComputePass<'static> {
-        if self.pass.is_none() {
-            self.stage("unnamed");
-        }
-        let pipeline = self.gpu.pipeline(K::INFO);
+    /// Records a kernel with everything that is bound to it.
+    fn run<K: Kernel>(&mut self, kernel: &K, grid: Grid) {
         let bindings = kernel.bindings(&self.arena.uniforms);
-        let entries: Vec<_> = bindings
-            .into_iter()
-            .enumerate()
-            .map(|(i, resource)| wgpu::BindGroupEntry { binding: i as u32, resource })
-            .collect();
-        let group = self.gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some(K::INFO.shader),
-            layout: &pipeline.get_bind_group_layout(0),
-            entries: &entries,
-        });
-        let pass = self.pass.as_mut().expect("begun above");
-        pass.set_pipeline(&pipeline);
-        pass.set_bind_group(0, &group, &[]);
-        if K::INFO.scene {
-            pass.set_bind_group(1, self.scene.expect("a scene for a kernel that needs it"), &[]);
-        }
-        pass
+        let make = || {
+            let resources = bindings.iter().map(|bound| bound.resource()).enumerate();
+            let entries =
+                resources.map(|(i, resource)| wgpu::BindGroupEntry { binding: i as u32, resource });
+            self.gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
+                label: Some(K::INFO.shader),
+                layout: &self.gpu.stage_layout(K::INFO),
+                entries: &entries.collect::<Vec<_>>(),
+            })
+        };
+        let group = match Key::new(K::INFO, &bindings) {
+            Some(key) => self.gpu.account().groups.get(key, make),
+            None => make(),
+        };
+        self.waiting.push(Waiting::Run { kernel: K::INFO, group, grid });
     }
 
     /// Copies records from one buffer to the start of another.
@@ -219,12 +282,12 @@ impl<'g> Recorder<'g> {
     }
 
     /// Hands the work to the device.
-    pub fn submit(self) -> Submitted<'g> {
+    pub fn submit(mut self) -> Submitted<'g> {
         self.write_uniforms();
-        let Self { gpu, commands, pass, arena, .. } = self;
-        drop(pass);
+        self.encoder();
+        let Self { gpu, commands, mut arena, .. } = self;
         if let Commands::Own(mut encoder) = commands {
-            if let Some(timer) = &arena.timer {
+            if let Some(timer) = &mut arena.timer {
                 timer.resolve(&mut encoder);
             }
             gpu.queue().submit([encoder.finish()]);
@@ -236,7 +299,7 @@ impl<'g> Recorder<'g> {
     /// Before whatever is submitted next.
     fn write_uniforms(&self) {
         if !self.uniforms.is_empty() {
-            self.gpu.queue().write_buffer(&self.arena.uniforms, 0, &self.uniforms);
+            self.gpu.queue().write_buffer(&self.arena.uniforms.raw, 0, &self.uniforms);
         }
     }
 }
@@ -261,9 +324,9 @@ impl Submitted<'_> {
     /// Waits for the end and tells what the stages took; empty where the device has no clock.
     ///
     /// Errors: what the device reported
-    pub fn wait(self) -> Result<Vec<StageTime>, Error> {
+    pub fn wait(mut self) -> Result<Vec<StageTime>, Error> {
         self.gpu.wait()?;
-        let timer = self.loan.arena.as_ref().and_then(|arena| arena.timer.as_ref());
-        timer.map_or(Ok(Vec::new()), |timer| timer.read(self.gpu))
+        let timer = self.loan.arena.as_mut().and_then(|arena| arena.timer.as_mut());
+        timer.map_or(Ok(Vec::new()), |timer| timer.take(self.gpu))
     }
 }

@@ -41,6 +41,38 @@ fn memory_is_counted_until_it_is_dropped() {
 }
 
 #[test]
+fn what_was_bound_is_kept_until_its_memory_goes() {
+    let Some(opened) = device() else { return };
+    let (raw, queue) = (opened.device().clone(), opened.queue().clone());
+    let gpu = Gpu::from_device(raw, queue, "theirs".to_owned(), Features::ALL).expect("device");
+    const NAME: &str = "bound and dropped";
+    let is_held = || {
+        let report = gpu.device().generate_allocator_report()?;
+        Some(report.allocations.iter().any(|allocation| allocation.name == NAME))
+    };
+    let groups = || gpu.account().groups.len();
+    let scan = Scan::new(&gpu, 5000).expect("scan");
+    let bind = |values: &Buf<u32>| {
+        let mut rec = gpu.record(None);
+        scan.record(&mut rec, values, 5000);
+        rec.submit().wait().expect("done");
+        groups()
+    };
+    let others = gpu.upload("bound and kept", &[1u32; 5000]).expect("buffer");
+    let before = bind(&others);
+    let values = gpu.upload(NAME, &[1u32; 5000]).expect("buffer");
+    let bound = bind(&values);
+    assert!(before > 0 && bound > before, "{before} groups, then {bound}");
+    assert_eq!([bind(&others), bind(&values)], [bound; 2], "nothing was kept");
+    assert_ne!(is_held(), Some(false));
+    drop(values);
+    assert_eq!(groups(), before);
+    assert_ne!(is_held(), Some(true), "its memory is still there");
+    drop((others, scan));
+    assert_eq!(groups(), 0);
+}
+
+#[test]
 fn kernels_match_their_shaders() {
     super::KERNELS.iter().for_each(|kernel| super::testing::check_kernel(kernel));
 }

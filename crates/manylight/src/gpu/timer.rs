@@ -21,6 +21,8 @@ pub(super) struct Timer {
     queries: wgpu::QuerySet,
     resolved: wgpu::Buffer,
     mapped: wgpu::Buffer,
+    /// Whether a submission brings its timestamps there, and nobody has taken them.
+    is_filled: bool,
     names: Vec<&'static str>,
 }
 
@@ -53,12 +55,16 @@ impl Timer {
                 "timer mapped",
                 wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
             ),
+            is_filled: false,
             names: Vec::new(),
         })
     }
 
     pub fn clear(&mut self) {
         self.names.clear();
+        if std::mem::take(&mut self.is_filled) {
+            self.mapped.unmap();
+        }
     }
 
     /// Where the next pass leaves its timestamps; none beyond the most passes.
@@ -75,17 +81,30 @@ impl Timer {
         })
     }
 
-    pub fn resolve(&self, encoder: &mut wgpu::CommandEncoder) {
-        let count = 2 * self.names.len() as u32;
-        if count > 0 {
-            encoder.resolve_query_set(&self.queries, 0..count, &self.resolved, 0);
-            encoder.copy_buffer_to_buffer(&self.resolved, 0, &self.mapped, 0, u64::from(count) * 8);
+    /// Brings the timestamps back with the submission.
+    pub fn resolve(&mut self, encoder: &mut wgpu::CommandEncoder) {
+        if self.names.is_empty() {
+            return;
         }
+        let count = 2 * self.names.len() as u32;
+        let bytes = u64::from(count) * 8;
+        encoder.resolve_query_set(&self.queries, 0..count, &self.resolved, 0);
+        encoder.copy_buffer_to_buffer(&self.resolved, 0, &self.mapped, 0, bytes);
+        encoder.map_buffer_on_submit(&self.mapped, wgpu::MapMode::Read, ..bytes, |_| ());
+        self.is_filled = true;
     }
 
-    /// Waits for the submission; stages in the order in which they first ran.
-    pub fn read(&self, gpu: &Gpu) -> Result<Vec<StageTime>, Error> {
-        let ticks: Vec<u64> = gpu.read_mapped(&self.mapped, self.names.len() * 2 * 8)?;
+    /// Takes the times of a submission that is done; stages in the order in which they first ran.
+    pub fn take(&mut self, gpu: &Gpu) -> Result<Vec<StageTime>, Error> {
+        if !self.is_filled {
+            return Ok(Vec::new());
+        }
+        let bytes = self.names.len() as u64 * 2 * 8;
+        let ticks: Vec<u64> = {
+            let view = self.mapped.slice(..bytes).get_mapped_range();
+            let view = view.map_err(|e| gpu.problem(&format!("reading times: {e}")))?;
+            bytemuck::pod_collect_to_vec(&view)
+        };
         let period_ms = f64::from(gpu.queue().get_timestamp_period()) * 1e-6;
         let mut stages: Vec<StageTime> = Vec::new();
         for (&name, pair) in self.names.iter().zip(ticks.chunks_exact(2)) {
@@ -95,6 +114,7 @@ impl Timer {
                 None => stages.push(StageTime { name, time_ms }),
             }
         }
+        self.clear();
         Ok(stages)
     }
 }

@@ -260,13 +260,6 @@ impl Buffers {
         self.work.lights().map(|lights| lights.take_needs(&mut bytes)).collect()
     }
 
-    /// Waits for what the last frame would have needed.
-    ///
-    /// Errors: what the device reported
-    pub fn read_needs(&self, gpu: &Gpu) -> Result<Vec<Needs>, Error> {
-        self.work.lights().map(|lights| lights.read_needs(gpu)).collect()
-    }
-
     /// Makes room for what a frame would have needed; tells whether it lacked any.
     ///
     /// Errors: more than the device can hold; then nothing is left

@@ -5,6 +5,7 @@ use crate::error::Error;
 use crate::gather::grid::DETAIL;
 use crate::gather::grid::gpu::{
     GatherInput, GatherOut, GatherStats, GpuGrid, GridBuild, GridCapacity, GridInfo, GridRules,
+    Reach,
 };
 use crate::gpu::{Gpu, Memory, Pool, Recorder, take_record};
 use crate::settings::{MAX_LEVELS, Method, Settings};
@@ -49,9 +50,10 @@ impl SetRoom {
 /// What a frame would have needed of a set, and what it found.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Needs {
-    vpls: VplInfo,
+    pub vpls: VplInfo,
     grid: GridInfo,
     pub gather: GatherStats,
+    reach: Reach,
 }
 
 /// A set of virtual lights of a frame.
@@ -64,6 +66,7 @@ pub(super) struct Lights {
     /// Of the last frame that was looked at.
     pub info: VplInfo,
     pub grid_lights: u32,
+    reach: Reach,
 }
 
 impl Lights {
@@ -100,7 +103,8 @@ impl Lights {
                 Tracer::Paths(Box::new(tracer))
             }
         };
-        Ok(Self { tracer, vpls, gathered, info: VplInfo::default(), grid_lights: 0 })
+        let (info, reach) = (VplInfo::default(), Reach::default());
+        Ok(Self { tracer, vpls, gathered, info, grid_lights: 0, reach })
     }
 
     /// Makes the set.
@@ -135,20 +139,9 @@ impl Lights {
         buffers.work.gather.record(rec, &input, out);
     }
 
-    /// Lights of the last frame.
-    ///
-    /// Errors: what the device reported
-    pub fn count(&self, gpu: &Gpu) -> Result<usize, Error> {
-        Ok(gpu.read(&self.vpls.info, 1)?[0].count as usize)
-    }
-
-    /// Reach of the levels in the last frame; none without a grid.
-    ///
-    /// Errors: what the device reported
-    pub fn alpha(&self, gpu: &Gpu) -> Result<Option<f32>, Error> {
-        let Some(gathered) = &self.gathered else { return Ok(None) };
-        let reach = gpu.read(&gathered.out.reach, 1)?[0];
-        Ok((self.grid_lights > 0).then_some(reach.alpha))
+    /// Reach of the levels in the last frame that was looked at; none without a grid.
+    pub fn alpha(&self) -> Option<f32> {
+        (self.grid_lights > 0).then_some(self.reach.alpha)
     }
 
     /// Forgets how many levels the grid should have had at most.
@@ -161,7 +154,8 @@ impl Lights {
     /// The records that tell what a frame would have needed; one record each.
     pub fn needs_records(&self) -> Vec<&wgpu::Buffer> {
         let gathered = self.gathered.iter();
-        let gathered = gathered.flat_map(|g| [g.grid.info.raw(), g.out.stats.raw()]);
+        let gathered =
+            gathered.flat_map(|g| [g.grid.info.raw(), g.out.stats.raw(), g.out.reach.raw()]);
         [self.vpls.info.raw()].into_iter().chain(gathered).collect()
     }
 
@@ -170,20 +164,13 @@ impl Lights {
         let vpls = take_record(bytes);
         match self.gathered {
             None => Needs { vpls, ..Needs::default() },
-            Some(_) => Needs { vpls, grid: take_record(bytes), gather: take_record(bytes) },
+            Some(_) => Needs {
+                vpls,
+                grid: take_record(bytes),
+                gather: take_record(bytes),
+                reach: take_record(bytes),
+            },
         }
-    }
-
-    /// Waits for what the last frame would have needed.
-    ///
-    /// Errors: what the device reported
-    pub fn read_needs(&self, gpu: &Gpu) -> Result<Needs, Error> {
-        let mut needs = Needs { vpls: gpu.read(&self.vpls.info, 1)?[0], ..Needs::default() };
-        if let Some(gathered) = &self.gathered {
-            needs.grid = gpu.read(&gathered.grid.info, 1)?[0];
-            needs.gather = gpu.read(&gathered.out.stats, 1)?[0];
-        }
-        Ok(needs)
     }
 
     /// Learns from what a frame would have needed; whether it lacked any of it.
@@ -203,7 +190,7 @@ impl Lights {
             lacked = true;
         }
         let Some(gathered) = &self.gathered else { return lacked };
-        self.grid_lights = needs.grid.light_count;
+        (self.grid_lights, self.reach) = (needs.grid.light_count, needs.reach);
         if let Some(capacity) = gathered.build.capacity().grown(gpu, &needs.grid) {
             room.grid = Some(capacity);
             return true;

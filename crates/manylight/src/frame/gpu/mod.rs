@@ -24,7 +24,7 @@ use crate::error::Error;
 use crate::filter::gpu::GpuNoisy;
 use crate::filter::temporal::gpu::GpuHistory;
 use crate::gather::brute::gpu::GpuBrute;
-use crate::gpu::{Buf, Gpu, Recorder, StageTime};
+use crate::gpu::{Buf, Gpu, Later, Recorder, StageTime};
 use crate::math::{Sequence, hash_u32};
 use crate::settings::{Method, Settings};
 use crate::surface::ViewFrame;
@@ -32,6 +32,7 @@ use crate::surface::gpu::ReceiverTextures;
 use crate::world::gpu::GpuWorld;
 use buffers::{Buffers, GatherRef, Work};
 use glam::Vec2;
+use lights::Lights;
 use manylight_scene::Camera;
 use sequence::GpuPast;
 
@@ -218,11 +219,11 @@ impl GpuRenderer {
         }
         for _ in 0..MOST_TRIES {
             // After a build that lacked room nothing is kept.
-            let times = self.gpu.guard(|| match job.settings.method {
+            let (times, needs) = self.gpu.guard(|| match job.settings.method {
                 Method::Brute => self.run_brute(&buffers, job, progress),
                 _ => self.run_grid(&buffers, job, history.as_deref_mut()),
             })?;
-            let needs = buffers.read_needs(&self.gpu)?;
+            let needs = buffers.parse_needs(&needs.bytes(&self.gpu)?);
             let lacked;
             (buffers, lacked) =
                 self.gpu.guard(|| buffers.grown(&self.gpu, job.settings, &needs))?;
@@ -244,10 +245,12 @@ impl GpuRenderer {
         buffers: &Buffers,
         job: Job<'_>,
         history: Option<&mut GpuHistory>,
-    ) -> Result<Vec<StageTime>, Error> {
+    ) -> Result<(Vec<StageTime>, Later), Error> {
         let mut rec = self.gpu.record(Some(self.scene.group()));
         self.record_frame(&mut rec, buffers, job, history);
-        rec.submit().wait()
+        let needs = buffers.record_needs(&mut rec);
+        let times = rec.submit().wait()?;
+        Ok((times, needs))
     }
 
     /// The list of stages.
@@ -375,7 +378,7 @@ impl GpuRenderer {
         buffers: &Buffers,
         job: Job<'_>,
         progress: Progress<'_>,
-    ) -> Result<Vec<StageTime>, Error> {
+    ) -> Result<(Vec<StageTime>, Later), Error> {
         let (settings, seed) = (job.settings, job.seed());
         let d_min = self.renderer.d_min(settings);
         let normal_maps = settings.surface.normal_maps;
@@ -401,13 +404,15 @@ impl GpuRenderer {
                 &GatheredLight { unshadowed, arriving, is_direct: true },
             );
         }
+        let needs = buffers.record_needs(&mut rec);
         let mut times = rec.submit().wait()?;
+        let found = buffers.parse_needs(&needs.bytes(&self.gpu)?);
         let start = std::time::Instant::now();
         let brute = GpuBrute::new(&self.gpu, view_pixels(job.view))?;
-        for (lights, _, is_direct) in sets {
-            let Some(lights) = lights else { continue };
-            let count = lights.count(&self.gpu)?;
-            let set = (&lights.vpls.lights, count);
+        let sets =
+            sets.into_iter().filter_map(|(set, _, is_direct)| Some((set.as_ref()?, is_direct)));
+        for ((lights, is_direct), found) in sets.zip(&found) {
+            let set = (&lights.vpls.lights, found.vpls.count as usize);
             let tick = |share| progress("brute", share);
             brute.gather(&self.gpu, self.scene.group(), receivers, set, d_min, &tick)?;
             let mut rec = self.gpu.record(None);
@@ -419,7 +424,7 @@ impl GpuRenderer {
         }
         let time_ms = start.elapsed().as_secs_f64() * 1e3;
         times.push(StageTime { name: "brute", time_ms });
-        Ok(times)
+        Ok((times, needs))
     }
 
     /// Brings the picture back.
@@ -427,7 +432,7 @@ impl GpuRenderer {
         let buffers = self.buffers.as_ref().expect("a sample was rendered");
         let layers = buffers.work.layers.download(&self.gpu, &buffers.receivers)?;
         let bounced = buffers.work.bounced.as_ref().filter(|_| settings.method == Method::Grid);
-        let alpha = bounced.map(|lights| lights.alpha(&self.gpu)).transpose()?.flatten();
+        let alpha = bounced.and_then(Lights::alpha);
         let evals = layers.evals.iter().map(|&e| f64::from(e)).sum::<f64>() as u64;
         let count = |name: &str| match name {
             "receivers" => layers.depth.iter().filter(|d| d.is_finite()).count() as u64,

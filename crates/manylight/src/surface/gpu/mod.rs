@@ -186,10 +186,10 @@ impl GpuReceivers {
         offset_px: Vec2,
     ) -> Result<Receivers, Error> {
         let pixels = self.width * self.height;
-        let positions = gpu.read(&self.positions, pixels)?;
-        let normals = gpu.read(&self.normals, pixels)?;
-        let albedos = gpu.read(&self.albedos, pixels)?;
-        let emissions = gpu.read(&self.emissions, pixels)?;
+        let planes = [&self.positions, &self.normals, &self.albedos, &self.emissions];
+        let planes = gpu.read_each(&planes, pixels, |_, plane| plane.to_vec())?;
+        let [positions, normals, albedos, emissions] =
+            planes.try_into().expect("as many as there are planes");
         let three = |[x, y, z, _]: [f32; 4]| Vec3::new(x, y, z);
         let sample = |i: usize| {
             let pixel = Vec2::new((i % self.width) as f32, (i / self.width) as f32);

@@ -1,0 +1,88 @@
+//! Pipelines: built when they are first needed, those of a submission side by side.
+
+#[cfg(doc)]
+use super::Recorder;
+use super::{Gpu, KernelInfo, SHADERS, link};
+use rayon::prelude::*;
+use std::sync::PoisonError;
+
+impl Gpu {
+    /// Builds those of some kernels that are not there yet, on all processors.
+    ///
+    /// Panics: where a shader does not link, which a test rules out
+    pub(super) fn build_pipelines(&self, kernels: impl Iterator<Item = &'static KernelInfo>) {
+        let mut missing: Vec<_> = {
+            let pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
+            kernels.filter(|kernel| !pipelines.contains_key(kernel.shader)).collect()
+        };
+        missing.sort_by_key(|kernel| kernel.shader);
+        missing.dedup_by_key(|kernel| kernel.shader);
+        if missing.len() < 2 {
+            return;
+        }
+        // Each thread is told its own errors: what fails is built again by who asks for it.
+        let build = |kernel| self.guard(|| Ok((kernel, self.first_pipeline(kernel)))).ok();
+        let built: Vec<_> = missing.into_par_iter().filter_map(build).collect();
+        let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
+        for (kernel, pipeline) in built {
+            pipelines.entry(kernel.shader).or_insert(pipeline);
+        }
+    }
+
+    /// The pipeline of a kernel, built when it is first asked for.
+    ///
+    /// Panics: where a shader does not link, which a test rules out
+    pub(super) fn pipeline(&self, kernel: &'static KernelInfo) -> wgpu::ComputePipeline {
+        let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
+        pipelines.entry(kernel.shader).or_insert_with(|| self.first_pipeline(kernel)).clone()
+    }
+
+    fn first_pipeline(&self, kernel: &'static KernelInfo) -> wgpu::ComputePipeline {
+        #[cfg(debug_assertions)]
+        if let Some(pipeline) = self.build_from_folder(kernel) {
+            return pipeline;
+        }
+        let text = link(kernel, SHADERS, self.features()).expect("a test links every shader");
+        self.build(kernel, text)
+    }
+
+    pub(super) fn build(&self, kernel: &KernelInfo, text: String) -> wgpu::ComputePipeline {
+        let (device, label) = (self.device(), Some(kernel.shader));
+        let source =
+            wgpu::ShaderModuleDescriptor { label, source: wgpu::ShaderSource::Wgsl(text.into()) };
+        let checks = wgpu::ShaderRuntimeChecks {
+            force_loop_bounding: self.bounds_loops,
+            ..wgpu::ShaderRuntimeChecks::checked()
+        };
+        // SAFETY: every loop of our own shaders ends: each turn takes one of finitely many items,
+        // of a range of numbers or of a tree that was built here. Other checks stay.
+        let module = unsafe { device.create_shader_module_trusted(source, checks) };
+        let stage_layout = self.stage_layout(kernel);
+        let layouts = [Some(&stage_layout), Some(self.scene_layout())];
+        let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label,
+            bind_group_layouts: if kernel.scene { &layouts } else { &layouts[..1] },
+            immediate_size: 0,
+        });
+        device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label,
+            layout: Some(&layout),
+            module: &module,
+            entry_point: Some("main"),
+            compilation_options: Default::default(),
+            cache: None,
+        })
+    }
+
+    /// Layout of group 0 of a kernel: that of its ports, whatever becomes of its text.
+    pub(super) fn stage_layout(&self, kernel: &KernelInfo) -> wgpu::BindGroupLayout {
+        let mut layouts = self.stage_layouts.lock().unwrap_or_else(PoisonError::into_inner);
+        let make = || {
+            self.device().create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+                label: Some(kernel.shader),
+                entries: &kernel.layout_entries(),
+            })
+        };
+        layouts.entry(kernel.shader).or_insert_with(make).clone()
+    }
+}
