@@ -6,7 +6,7 @@ use manylight::frame::gpu::GpuRenderer;
 use manylight::frame::{Past, Progress};
 use manylight::gpu::{Gpu, GpuOptions};
 use manylight::{Frame, Renderer, Settings};
-use manylight_scene::{Camera, Scene};
+use manylight_scene::Camera;
 use std::io::Write;
 
 /// A renderer on one of the backends.
@@ -29,17 +29,16 @@ pub enum Fallback {
 }
 
 impl Engine {
-    /// Prepares a scene for the backend that was asked for.
+    /// Opens the backend that was asked for and brings a scene there.
     ///
     /// `auto` takes a graphics device that is not emulated, or that the settings name, if it works;
     /// else the processor.
     pub fn new(
-        scene: Scene,
+        renderer: Renderer,
         backend: Backend,
         settings: &Settings,
         quiet: bool,
     ) -> Result<Self, Failure> {
-        let renderer = Renderer::new(scene)?;
         if backend == Backend::Cpu {
             return Ok(Self::Cpu(Box::new(renderer)));
         }
@@ -188,8 +187,10 @@ mod tests {
     /// A small scene on the first software driver; none, or a failure where tests of graphics
     /// devices are required, without one.
     fn on_device(settings: &Settings) -> Option<(Engine, Camera)> {
-        let Shot { scene, camera, .. } = manylight_scene::load("builtin:cornell").expect("built in");
-        let engine = Engine::new(scene, Backend::Auto, settings, true).expect("an engine");
+        let Shot { scene, camera, .. } =
+            manylight_scene::load("builtin:cornell").expect("built in");
+        let renderer = Renderer::new(scene).expect("a renderer");
+        let engine = Engine::new(renderer, Backend::Auto, settings, true).expect("an engine");
         if matches!(engine, Engine::Cpu(_)) {
             let is_required = std::env::var_os("MANYLIGHT_REQUIRE_GPU").is_some();
             assert!(!is_required, "no software Vulkan driver");
