@@ -38,11 +38,13 @@ pub enum Command {
 /// Where to compute.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Backend {
-    /// The best there is.
+    /// The fastest graphics device; the processor where there is none, or only emulated ones and
+    /// gpu.device names none.
     Auto,
-    /// All cores of this machine.
+    /// The processor, on all cores or --threads.
     Cpu,
-    /// A graphics card.
+    /// The fastest graphics device, or the one that gpu.device names, or an error; emulated ones
+    /// (software drivers) only where they are named.
     Gpu,
 }
 
@@ -55,6 +57,9 @@ pub struct SettingArgs {
     /// Set one field, e.g. --set grid.alpha=1.5; may be repeated
     #[arg(long = "set", value_name = "PATH=VALUE")]
     pub sets: Vec<String>,
+    /// Look through this camera of the scene: its name, or its number from 0, as `info` lists them
+    #[arg(long, value_name = "NAME")]
+    pub camera: Option<String>,
     /// Picture size, e.g. 1280x720
     #[arg(long, value_name = "WxH", allow_hyphen_values = true)]
     pub size: Option<String>,
@@ -71,7 +76,7 @@ pub struct SettingArgs {
 pub struct RenderArgs {
     /// A shot (.json), a scene (.glb, .gltf) or builtin:atrium, builtin:cornell, …
     pub scene: String,
-    /// .exr: linear with layers; .png: tone-mapped; may be repeated
+    /// .exr: linear with layers; .png: tone-mapped; .pfm: linear; may be repeated
     #[arg(short, long, value_name = "FILE")]
     pub output: Vec<PathBuf>,
     /// grid, brute, path or direct
@@ -116,9 +121,9 @@ pub struct CompareArgs {
     pub a: PathBuf,
     /// The reference
     pub b: PathBuf,
-    /// Compare this layer instead of the beauty
-    #[arg(long, value_name = "NAME")]
-    pub layer: Option<String>,
+    /// The layer to compare; beauty: the picture itself
+    #[arg(long, value_name = "NAME", default_value = "beauty")]
+    pub layer: String,
     /// Write the FLIP difference as a false-color picture
     #[arg(short, long, value_name = "FILE.png")]
     pub output: Option<PathBuf>,
@@ -203,6 +208,9 @@ pub struct DiffStagesArgs {
 pub struct InfoArgs {
     /// A shot, a scene or builtin:NAME
     pub scene: String,
+    /// Look through this camera of the scene: its name, or its number from 0
+    #[arg(long, value_name = "NAME")]
+    pub camera: Option<String>,
     /// Print results as JSON on standard output
     #[arg(long)]
     pub json: bool,

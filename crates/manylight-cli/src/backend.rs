@@ -6,7 +6,7 @@ use manylight::frame::gpu::GpuRenderer;
 use manylight::frame::{Past, Progress};
 use manylight::gpu::{Gpu, GpuOptions};
 use manylight::{Frame, Renderer, Settings};
-use manylight_scene::{Camera, Scene};
+use manylight_scene::Camera;
 use std::io::Write;
 
 /// A renderer on one of the backends.
@@ -29,17 +29,16 @@ pub enum Fallback {
 }
 
 impl Engine {
-    /// Prepares a scene for the backend that was asked for.
+    /// Opens the backend that was asked for and brings a scene there.
     ///
     /// `auto` takes a graphics device that is not emulated, or that the settings name, if it works;
     /// else the processor.
     pub fn new(
-        scene: Scene,
+        renderer: Renderer,
         backend: Backend,
         settings: &Settings,
         quiet: bool,
     ) -> Result<Self, Failure> {
-        let renderer = Renderer::new(scene)?;
         if backend == Backend::Cpu {
             return Ok(Self::Cpu(Box::new(renderer)));
         }

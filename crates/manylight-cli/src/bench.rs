@@ -36,25 +36,21 @@ pub fn run(args: &BenchArgs) -> Result<Outcome, Failure> {
     let scenes = if args.scenes.is_empty() { &default[..] } else { &args.scenes[..] };
     let mut reports = Vec::new();
     for scene in scenes {
-        let shot = render::load(scene, args.json)?;
+        // The peak of the first is its own in any case.
+        let is_own_peak = reports.is_empty() || memory::reset_peak();
+        let shot = render::load(scene, args.settings.camera.as_deref(), args.json)?;
         let settings = render::settings(&args.settings, &shot)?;
         let size = render::size(&args.settings, &shot.camera)?;
         memory::check_render(size, &settings, true)?;
-        let camera = shot.camera.clone();
-        if args.is_of_frames() {
-            let mut engine = Engine::new(shot.scene, args.backend, &settings, args.json)?;
-            let report = frames(&mut engine, &camera, size, &settings, args)?;
-            reports.push(finish(scene, report, args)?);
-            continue;
-        }
-        if args.rays || args.dump_rays.is_some() {
-            let engine = Engine::new(shot.scene, args.backend, &settings, args.json)?;
-            let report = rays(&engine, &camera, size, &settings, args)?;
-            reports.push(finish(scene, report, args)?);
-            continue;
-        }
+        let camera = shot.camera;
         let renderer = Renderer::new(shot.scene)?;
-        let report = if let Some(receivers) = args.quality {
+        let report = if args.is_of_frames() {
+            let mut engine = Engine::new(renderer, args.backend, &settings, args.json)?;
+            frames(&mut engine, &camera, size, &settings, args, is_own_peak)?
+        } else if args.rays || args.dump_rays.is_some() {
+            let engine = Engine::new(renderer, args.backend, &settings, args.json)?;
+            rays(&engine, &camera, size, &settings, args)?
+        } else if let Some(receivers) = args.quality {
             quality(&renderer, &camera, size, &settings, receivers)
         } else {
             build(&renderer, &settings)
@@ -78,12 +74,52 @@ fn finish(scene: &str, report: Value, args: &BenchArgs) -> Result<Value, Failure
 fn print(scene: &str, report: &Value) -> Result<(), Failure> {
     let mut out = std::io::stdout().lock();
     writeln!(out, "{scene}")?;
-    if let Value::Object(map) = report {
-        for (key, value) in map {
-            writeln!(out, "  {key:<28}{value}")?;
+    let none = serde_json::Map::new();
+    let rows = report.as_object().unwrap_or(&none).iter();
+    let is_time = |value: &Value| value.get("median_ms").is_some();
+    let (times, others): (Vec<_>, Vec<_>) = rows.partition(|(_, value)| is_time(value));
+    if !times.is_empty() {
+        writeln!(out, "  {:<20}{:>12}{:>12}{:>12}", "stage", "median ms", "p10 ms", "p90 ms")?;
+    }
+    for (stage, spread) in times {
+        let [median, p10, p90] = ["median_ms", "p10_ms", "p90_ms"]
+            .map(|key| spread[key].as_f64().map_or("-".to_owned(), |ms| format!("{ms:.2}")));
+        writeln!(out, "  {stage:<20}{median:>12}{p10:>12}{p90:>12}")?;
+    }
+    for (key, value) in others {
+        let Value::Object(parts) = value else {
+            writeln!(out, "  {key:<28}{}", shown(value))?;
+            continue;
+        };
+        writeln!(out, "  {key}")?;
+        for (key, value) in parts {
+            writeln!(out, "    {key:<26}{}", shown(value))?;
         }
     }
     Ok(())
+}
+
+/// A value for people: numbers of four digits or whole ones.
+fn shown(value: &Value) -> String {
+    match value {
+        Value::Array(list) if list.is_empty() => "none".to_owned(),
+        Value::Array(list) => list.iter().map(shown).collect::<Vec<_>>().join(", "),
+        Value::String(text) => text.clone(),
+        Value::Null => "none".to_owned(),
+        Value::Number(number) if number.is_f64() => round(number.as_f64().unwrap_or(f64::NAN)),
+        other => other.to_string(),
+    }
+}
+
+/// Four significant digits.
+fn round(x: f64) -> String {
+    let magnitude = x.abs().log10().floor();
+    match magnitude {
+        -4.0..4.0 => format!("{x:.*}", (3.0 - magnitude) as usize),
+        4.0..15.0 => format!("{x:.0}"),
+        _ if x == 0.0 => "0".to_owned(),
+        _ => format!("{x:.3e}"),
+    }
 }
 
 fn quality(
@@ -182,6 +218,7 @@ fn frames(
     size: [usize; 2],
     settings: &Settings,
     args: &BenchArgs,
+    is_own_peak: bool,
 ) -> Result<Value, Failure> {
     let mut stages: Vec<(&'static str, Vec<f64>)> = Vec::new();
     let mut totals = Vec::new();
@@ -208,7 +245,9 @@ fn frames(
     for (name, mut times) in stages {
         report.insert(name.to_owned(), spread(&mut times));
     }
-    report.insert("peak_memory_mib".to_owned(), json!(memory::find_peak_mib()));
+    // Where the system cannot begin anew, that of all scenes so far.
+    let peak = if is_own_peak { "peak_memory_mib" } else { "process_peak_memory_mib" };
+    report.insert(peak.to_owned(), json!(memory::find_peak_mib()));
     if let Some(lists) = engine.device_lists() {
         let bytes: u64 = lists.iter().map(|(_, bytes)| bytes).sum();
         report.insert("device_memory_mib".to_owned(), json!(bytes >> 20));
@@ -227,8 +266,29 @@ fn spread(times: &mut [f64]) -> Value {
             "max_ms": at(1.0) })
 }
 
-/// Sorts and returns the middle.
+/// Sorts and returns the middle, of an even number the mean of the two there.
 fn median(times: &mut [f64]) -> f64 {
     times.sort_by(f64::total_cmp);
-    times[times.len() / 2]
+    let middle = times.len() / 2;
+    (times[(times.len() - 1) / 2] + times[middle]) / 2.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_median_of_an_even_number_lies_between_the_middle_two() {
+        assert_eq!(median(&mut [3.0]), 3.0);
+        assert_eq!(median(&mut [9.0, 1.0, 2.0]), 2.0);
+        assert_eq!(median(&mut [9.0, 1.0, 2.0, 4.0]), 3.0);
+    }
+
+    #[test]
+    fn numbers_for_people_have_four_digits() {
+        let values = json!([0.0, 0.012_345_678, 1.0, 12.345_678, 98_765.432_1, 1.5e-9, 7]);
+        assert_eq!(shown(&values), "0, 0.01235, 1.000, 12.35, 98765, 1.500e-9, 7");
+        assert_eq!(shown(&json!(["half", "subgroups"])), "half, subgroups");
+        assert_eq!(shown(&json!([])), "none");
+    }
 }

@@ -6,12 +6,14 @@ use manylight_image::{LayeredImage, Raster, compare, flip_hdr, heatmap, read_pic
 use serde_json::json;
 use std::io::Write;
 
+/// The layer that every picture has.
+const BEAUTY: &str = "beauty";
+
 /// Runs the command.
 pub fn run(args: &CompareArgs) -> Result<Outcome, Failure> {
     output::check(args.output.as_slice(), &["png"])?;
     check_limits(args)?;
-    let [is_png, other_is_png] = [&args.a, &args.b]
-        .map(|path| path.extension().is_some_and(|end| end.eq_ignore_ascii_case("png")));
+    let [is_png, other_is_png] = [&args.a, &args.b].map(|path| output::is_png(path));
     if is_png != other_is_png {
         let (a, b) = (args.a.display(), args.b.display());
         let problem = "one is tone-mapped, the other linear; render both as one kind";
@@ -94,11 +96,15 @@ fn layer<'a>(
     args: &CompareArgs,
     path: &std::path::Path,
 ) -> Result<&'a Raster, Failure> {
-    let Some(name) = &args.layer else { return Ok(&picture.beauty) };
+    let name = &args.layer;
+    if name == BEAUTY {
+        return Ok(&picture.beauty);
+    }
     let found = picture.layers.iter().find(|l| l.0 == *name);
     found.map(|l| &l.1).ok_or_else(|| {
-        let names: Vec<_> = picture.layers.iter().map(|l| l.0.as_str()).collect();
-        let there = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
+        let names = picture.layers.iter().map(|l| l.0.as_str());
+        let names: Vec<_> = std::iter::once(BEAUTY).chain(names).collect();
+        let there = names.join(", ");
         format!("{} has no layer {name:?}; its layers: {there}", path.display()).into()
     })
 }

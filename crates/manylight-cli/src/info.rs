@@ -1,39 +1,79 @@
 //! `manylight info`, `devices` and `methods`
 
-use crate::args::{InfoArgs, JsonArg};
+use crate::args::{InfoArgs, JsonArg, SettingArgs};
 use crate::{Failure, Outcome, render};
 use manylight::gpu::{AdapterDescription, Feature};
 use manylight::settings::{Method, PRESETS};
-use manylight_scene::{Light, Scene, Sky};
+use manylight_scene::{Camera, Light, Projection, Scene, Sky};
 use serde_json::{Value, json};
 use std::io::Write;
 
+/// Most names of materials listed.
+const MAX_NAMES: usize = 50;
+
 /// Prints what is in a scene.
 pub fn run_info(args: &InfoArgs) -> Result<Outcome, Failure> {
-    let shot = render::load(&args.scene, args.json)?;
+    // Its warnings are a row.
+    let shot = render::load(&args.scene, args.camera.as_deref(), true)?;
+    let shared = SettingArgs::default();
+    render::settings(&shared, &shot)?;
+    let size = render::size(&shared, &shot.camera)?;
     let scene = &shot.scene;
-    let emissive = emissive_triangles(scene);
     let kinds = |f: fn(&Light) -> bool| scene.lights.iter().filter(|l| f(l)).count();
     let sky = match &scene.sky {
         None => "none".to_owned(),
         Some(Sky::Constant(r)) => format!("constant {r}"),
         Some(Sky::Map(m)) => format!("map {}x{}", m.width, m.height),
     };
-    let rows: Vec<(&str, Value)> = vec![
+    let bounds = scene.bounds().unwrap_or_default().map(|p| p.to_array().map(number));
+    let names = scene.materials.iter().map(|m| m.name.as_str());
+    let mut rows: Vec<(&str, Value)> = vec![
         ("triangles", json!(scene.triangle_count())),
         ("meshes", json!(scene.meshes.len())),
         ("instances", json!(scene.instances.len())),
+        ("bounds_m", json!(bounds)),
         ("materials", json!(scene.materials.len())),
+        ("material_names", names.take(MAX_NAMES).collect()),
         ("images", json!(scene.images.len())),
-        ("emissive_triangles", json!(emissive)),
+        ("emissive_triangles", json!(emissive_triangles(scene))),
         ("suns", json!(kinds(|l| matches!(l, Light::Sun { .. })))),
         ("point_lights", json!(kinds(|l| matches!(l, Light::Point { .. })))),
         ("spot_lights", json!(kinds(|l| matches!(l, Light::Spot { .. })))),
         ("sky", json!(sky)),
-        ("cameras", scene.cameras.iter().map(|c| c.name.as_str()).collect()),
-        ("warnings", shot.warnings.iter().map(ToString::to_string).collect()),
+        ("cameras", scene.cameras.iter().enumerate().map(camera_name).collect()),
     ];
+    rows.extend(camera_rows(&shot.camera));
+    rows.push(("size", json!(size)));
+    rows.push(("settings", Value::Object(shot.settings.clone())));
+    rows.push(("warnings", shot.warnings.iter().map(ToString::to_string).collect()));
     print_rows(&rows, args.json)
+}
+
+/// What `--camera` takes for a camera of the scene: its name, or its number where it has none.
+fn camera_name((i, camera): (usize, &Camera)) -> String {
+    if camera.name.is_empty() { i.to_string() } else { camera.name.clone() }
+}
+
+/// The camera that a picture is seen through.
+fn camera_rows(camera: &Camera) -> Vec<(&'static str, Value)> {
+    let lens = match camera.projection {
+        Projection::Perspective { vfov_rad } => {
+            ("vfov_deg", json!(number(f64::from(vfov_rad).to_degrees() as f32)))
+        }
+        Projection::Orthographic { half_height } => ("half_height_m", json!(number(half_height))),
+    };
+    vec![
+        ("camera", json!(camera.name)),
+        ("position", json!(camera.position.to_array().map(number))),
+        ("direction", json!(camera.forward.to_array().map(number))),
+        ("up", json!(camera.up.to_array().map(number))),
+        lens,
+    ]
+}
+
+/// A number with the digits that single precision has.
+fn number(x: f32) -> f64 {
+    x.to_string().parse().unwrap_or_default()
 }
 
 fn emissive_triangles(scene: &Scene) -> usize {
@@ -125,6 +165,10 @@ fn print_rows(rows: &[(&str, Value)], as_json: bool) -> Result<Outcome, Failure>
     for (key, value) in rows {
         let text = match value {
             Value::String(s) => s.clone(),
+            Value::Array(list) if list.is_empty() => "none".to_owned(),
+            Value::Array(list) if list.iter().all(Value::is_string) => {
+                list.iter().filter_map(Value::as_str).collect::<Vec<_>>().join(", ")
+            }
             other => other.to_string(),
         };
         writeln!(out, "{:<20}{text}", key.replace('_', " "))?;

@@ -2,12 +2,12 @@
 
 use crate::Failure;
 use glam::Vec3;
-use manylight::{Frame, Settings};
+use manylight::Frame;
 use manylight_image::{LayeredImage, Raster, ToneSettings};
 use std::path::{Path, PathBuf};
 
-/// The picture with all its layers and the story of how it was made.
-pub fn picture(frame: &Frame, metadata: Vec<(String, String)>) -> LayeredImage {
+/// The picture with all its layers.
+pub fn picture(frame: &Frame) -> LayeredImage {
     let l = &frame.layers;
     let color = |values: &[Vec3]| Raster {
         width: l.width,
@@ -36,7 +36,7 @@ pub fn picture(frame: &Frame, metadata: Vec<(String, String)>) -> LayeredImage {
     LayeredImage {
         beauty: color(&l.beauty()),
         layers: layers.map(|(name, raster)| (name.to_owned(), raster)).to_vec(),
-        metadata,
+        metadata: Vec::new(),
     }
 }
 
@@ -98,13 +98,17 @@ pub fn write_bytes(bytes: &[u8], path: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
+/// Whether a picture of this name is tone-mapped.
+pub fn is_png(path: &Path) -> bool {
+    path.extension().is_some_and(|end| end.eq_ignore_ascii_case("png"))
+}
+
 /// Writes a picture in the format its name asks for.
-pub fn write(picture: &LayeredImage, path: &Path, settings: &Settings) -> Result<(), Failure> {
+pub fn write(picture: &LayeredImage, path: &Path, exposure_ev: f32) -> Result<(), Failure> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_lowercase();
     match extension.as_str() {
-        "png" => {
-            let exposure_ev = settings.film.exposure_ev;
-            let tone = ToneSettings { exposure_ev, ..ToneSettings::default() };
+        _ if is_png(path) => {
+            let tone = ToneSettings { exposure_ev: Some(exposure_ev), ..ToneSettings::default() };
             manylight_image::write_png(&picture.beauty, &tone, path)?;
         }
         "pfm" => manylight_image::write_pfm(&picture.beauty, path)?,

@@ -6,8 +6,9 @@ use crate::sequence::{self, Step};
 use crate::{Failure, Outcome, memory, output};
 use indicatif::{ProgressBar, ProgressStyle};
 use manylight::frame::{Past, Progress};
-use manylight::{Frame, Method, Settings};
-use manylight_scene::{Camera, MAX_PIXELS, Shot};
+use manylight::{Frame, Method, Renderer, Settings};
+use manylight_image::compute_auto_exposure_ev;
+use manylight_scene::{Camera, MAX_PIXELS, Projection, Shot};
 use serde_json::{Value, json};
 use std::collections::VecDeque;
 use std::io::{IsTerminal, Write};
@@ -60,9 +61,12 @@ pub fn use_threads(args: &SettingArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Loads a scene and passes its warnings on.
-pub fn load(path: &str, quiet: bool) -> Result<Shot, Failure> {
-    let shot = manylight_scene::load(path)?;
+/// Loads a scene, chooses its camera, and passes its warnings on.
+pub fn load(path: &str, camera: Option<&str>, quiet: bool) -> Result<Shot, Failure> {
+    let mut shot = manylight_scene::load(path)?;
+    if let Some(camera) = camera {
+        shot.use_camera(camera, "--camera")?;
+    }
     if !quiet {
         for warning in &shot.warnings {
             let _ = writeln!(std::io::stderr(), "warning: {warning}");
@@ -89,7 +93,7 @@ pub fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     }
     use_threads(&args.settings)?;
     let start = Instant::now();
-    let shot = load(&args.scene, args.quiet)?;
+    let shot = load(&args.scene, args.settings.camera.as_deref(), args.quiet)?;
     let mut settings = settings(&args.settings, &shot)?;
     if let Some(method) = &args.method {
         settings.set("method", method)?;
@@ -103,13 +107,19 @@ pub fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     let (camera, path) = (shot.camera, shot.path);
     let load_ms = start.elapsed().as_secs_f64() * 1e3;
     let start = Instant::now();
-    let engine = Engine::new(shot.scene, args.backend, &settings, args.quiet)?;
+    let renderer = Renderer::new(shot.scene)?;
     let build_ms = start.elapsed().as_secs_f64() * 1e3;
-    let prepared = [("load scene", load_ms), ("build bvh", build_ms)];
+    let start = Instant::now();
+    let engine = Engine::new(renderer, args.backend, &settings, args.quiet)?;
+    let open_ms = start.elapsed().as_secs_f64() * 1e3;
+    let prepared = [("load scene", load_ms), ("build bvh", build_ms), ("open device", open_ms)];
     let mut run = Run { args, engine, settings, size, scene_hash, prepared };
     match frames {
         None => run.render_picture(&camera)?,
         Some(frames) => run.render_frames(frames, &|n| path.at(n).unwrap_or(camera.clone()))?,
+    }
+    if args.output.is_empty() && args.heatmap.is_none() && !args.quiet {
+        let _ = writeln!(std::io::stderr(), "nothing was written; -o FILE writes the picture");
     }
     Ok(Outcome::Done)
 }
@@ -122,7 +132,7 @@ struct Run<'a> {
     size: [usize; 2],
     scene_hash: u64,
     /// What took how long before, ms.
-    prepared: [(&'static str, f64); 2],
+    prepared: [(&'static str, f64); 3],
 }
 
 impl Run<'_> {
@@ -134,11 +144,9 @@ impl Run<'_> {
             engine.render(camera, *size, settings, progress, args.quiet)
         })?;
         let render_ms = start.elapsed().as_secs_f64() * 1e3;
-        self.write(&frame, camera, render_ms, None)?;
-        let [load, build] = self.prepared;
-        let times = [load, build, ("render", render_ms)];
+        let written = self.write(&frame, camera, render_ms, None)?;
         if !args.json && !args.quiet {
-            print_table(&frame, &times, self.size)?;
+            self.print_table(&frame, render_ms, &written)?;
         }
         Ok(())
     }
@@ -165,6 +173,7 @@ impl Run<'_> {
         let mut past = Past::default();
         // Where what is remembered begins.
         let mut first = None;
+        let mut is_told = false;
         let mut steps = VecDeque::from(sequence::plan(unfinished.iter().copied(), warm_up));
         while let Some(step) = steps.pop_front() {
             let number = match step {
@@ -189,16 +198,33 @@ impl Run<'_> {
                 continue;
             };
             let render_ms = start.elapsed().as_secs_f64() * 1e3;
-            let is_written = matches!(step, Step::Write(_));
-            if is_written {
-                self.write(&frame, &camera, render_ms, Some([began, number]))?;
+            let mut note = ", not written".to_owned();
+            if matches!(step, Step::Write(_)) {
+                let written = self.write(&frame, &camera, render_ms, Some([began, number]))?;
+                let [_, device] = self.engine.names();
+                note = format!(" on {device}, exposure {:.2} EV", written.exposure_ev);
+                if !std::mem::replace(&mut is_told, true) {
+                    self.tell_exposure(number, written.exposure_ev);
+                }
             }
             if !args.json && !args.quiet {
-                let note = if is_written { "" } else { ", not written" };
                 writeln!(std::io::stderr(), "frame {number}: {render_ms:.1} ms{note}")?;
             }
         }
         Ok(())
+    }
+
+    /// Says that the frames of a sequence differ in exposure, if they do.
+    fn tell_exposure(&self, number: u32, exposure_ev: f32) {
+        let Self { args, settings, .. } = self;
+        let is_shown = args.output.iter().any(|path| output::is_png(path));
+        if is_shown && settings.film.exposure_ev.is_none() && !args.quiet {
+            let _ = writeln!(
+                std::io::stderr(),
+                "each frame has an exposure of its own; for that of frame {number} in all: --set \
+                 film.exposure_ev={exposure_ev}"
+            );
+        }
     }
 
     /// Writes a picture into all files, and about it as JSON; `frames` is where its past began,
@@ -209,56 +235,98 @@ impl Run<'_> {
         camera: &Camera,
         render_ms: f64,
         frames: Option<[u32; 2]>,
-    ) -> Result<(), Failure> {
-        let Self { args, engine, settings, size, .. } = self;
+    ) -> Result<Written, Failure> {
+        let Self { args, settings, .. } = self;
         let number = frames.map(|[_, number]| number);
-        if let Some(reason) = find_reason_of_black(frame).filter(|_| !args.quiet) {
+        let warning = find_reason_of_black(frame);
+        if let Some(reason) = warning.filter(|_| !args.quiet) {
             let _ = writeln!(std::io::stderr(), "warning: {reason}");
-        }
-        let mut metadata = metadata(settings, camera, args, engine.names(), render_ms);
-        metadata.push(("manylight.sceneHash".to_owned(), format!("{:016x}", self.scene_hash)));
-        metadata.push(("manylight.deviceFeatures".to_owned(), engine.features().join(" ")));
-        if let Some(alpha) = frame.alpha {
-            metadata.push(("manylight.alpha".to_owned(), alpha.to_string()));
-        }
-        if let Some(number) = number {
-            metadata.push(("manylight.frame".to_owned(), number.to_string()));
-        }
-        if let Some([first, _]) = frames.filter(|_| settings.adds_up()) {
-            metadata.push(("manylight.firstFrame".to_owned(), first.to_string()));
         }
         let file_of = |path: &PathBuf| match number {
             Some(number) => sequence::file_of(path, number),
             None => path.clone(),
         };
-        let picture = output::picture(frame, metadata);
+        let mut picture = output::picture(frame);
+        let automatic_ev = || compute_auto_exposure_ev(&picture.beauty);
+        let exposure_ev = settings.film.exposure_ev.unwrap_or_else(automatic_ev);
+        picture.metadata = metadata(self, frame, camera, render_ms, exposure_ev);
+        if let Some([first, number]) = frames {
+            picture.metadata.push(("manylight.frame".to_owned(), number.to_string()));
+            let first = settings.adds_up().then(|| first.to_string());
+            picture.metadata.extend(first.map(|n| ("manylight.firstFrame".to_owned(), n)));
+        }
+        let mut files = Vec::new();
         for path in &args.output {
-            output::write(&picture, &file_of(path), settings)?;
+            output::write(&picture, &file_of(path), exposure_ev)?;
+            files.push(file_of(path));
         }
         if let Some(path) = &args.heatmap {
             let evals = &picture.layers.iter().find(|l| l.0 == "evals").ok_or("no evals")?.1;
             let top = evals.data.iter().copied().fold(1.0, f32::max);
             let rgb = manylight_image::heatmap(evals, 0.0, top)?;
-            manylight_image::write_png_rgb8(&rgb, size[0], size[1], &file_of(path))?;
+            let path = file_of(path);
+            manylight_image::write_png_rgb8(&rgb, evals.width, evals.height, &path)?;
+            files.push(path);
         }
+        let written = Written { files, exposure_ev, warning };
         if args.json {
-            let [load, build] = self.prepared;
-            let times = [load, build, ("render", render_ms)];
-            let times =
-                times.iter().map(|(n, t)| (format!("{}_ms", n.replace(' ', "_")), json!(t)));
-            let times: serde_json::Map<String, Value> = times.collect();
-            let mut report = json!({
-                "scene": args.scene, "size": size, "d_min": frame.d_min, "alpha": frame.alpha,
-                "times": times,
-                "stages": stages_json(frame), "settings": settings.to_json(),
-            });
+            let mut report = self.report(frame, render_ms, &written);
             if let Some(number) = number {
                 report["frame"] = json!(number);
             }
             writeln!(std::io::stdout(), "{report}")?;
         }
+        Ok(written)
+    }
+
+    /// What there is to say about a picture, for programs.
+    fn report(&self, frame: &Frame, render_ms: f64, written: &Written) -> Value {
+        let times = self.prepared.into_iter().chain([("render", render_ms)]);
+        let times = times.map(|(n, t)| (format!("{}_ms", n.replace(' ', "_")), json!(t)));
+        let times: serde_json::Map<String, Value> = times.collect();
+        let [backend, device] = self.engine.names();
+        let files: Vec<_> = written.files.iter().map(|f| f.display().to_string()).collect();
+        json!({
+            "scene": self.args.scene, "size": self.size, "backend": backend, "device": device,
+            "files": files, "warning": written.warning, "exposure_ev": written.exposure_ev,
+            "d_min": frame.d_min, "alpha": frame.alpha, "times": times,
+            "stages": stages_json(frame), "settings": self.settings.to_json(),
+        })
+    }
+
+    fn print_table(&self, frame: &Frame, render_ms: f64, written: &Written) -> Result<(), Failure> {
+        let mut err = std::io::stderr().lock();
+        writeln!(err, "{:<16}{:>12}{:>16}", "stage", "ms", "count")?;
+        for stage in &frame.stages {
+            writeln!(err, "{:<16}{:>12.1}{:>16}", stage.name, stage.time_ms, stage.count)?;
+        }
+        for (name, time_ms) in self.prepared.into_iter().chain([("render", render_ms)]) {
+            writeln!(err, "{name:<16}{time_ms:>12.1}")?;
+        }
+        let lit = frame.layers.evals.iter().filter(|e| **e > 0.0).count().max(1);
+        let evals: f64 = frame.layers.evals.iter().map(|&e| f64::from(e)).sum();
+        let mean = evals / lit as f64;
+        let [width, height] = self.size;
+        writeln!(err, "{width}x{height} pixels, {mean:.0} lights evaluated per lit pixel")?;
+        let [backend, device] = self.engine.names();
+        let is_automatic = self.settings.film.exposure_ev.is_none();
+        let note = if is_automatic { ", automatic" } else { "" };
+        writeln!(err, "{backend}: {device}; exposure {:.2} EV{note}", written.exposure_ev)?;
+        let files: Vec<_> = written.files.iter().map(|f| f.display().to_string()).collect();
+        if !files.is_empty() {
+            writeln!(err, "wrote {}", files.join(", "))?;
+        }
         Ok(())
     }
+}
+
+/// What became of a picture.
+struct Written {
+    files: Vec<PathBuf>,
+    /// Stops by which tone-mapped files amplify it.
+    exposure_ev: f32,
+    /// Why it shows nothing, if it does.
+    warning: Option<&'static str>,
 }
 
 /// Why a picture shows nothing, if it does.
@@ -315,28 +383,12 @@ pub fn stages_json(frame: &Frame) -> Value {
         .collect()
 }
 
-fn print_table(frame: &Frame, times: &[(&str, f64)], size: [usize; 2]) -> Result<(), Failure> {
-    let mut err = std::io::stderr().lock();
-    writeln!(err, "{:<16}{:>12}{:>16}", "stage", "ms", "count")?;
-    for stage in &frame.stages {
-        writeln!(err, "{:<16}{:>12.1}{:>16}", stage.name, stage.time_ms, stage.count)?;
-    }
-    for (name, time_ms) in times {
-        writeln!(err, "{name:<16}{time_ms:>12.1}")?;
-    }
-    let lit = frame.layers.evals.iter().filter(|e| **e > 0.0).count().max(1);
-    let evals: f64 = frame.layers.evals.iter().map(|&e| f64::from(e)).sum();
-    let mean = evals / lit as f64;
-    writeln!(err, "{}x{} pixels, {mean:.0} lights evaluated per lit pixel", size[0], size[1])?;
-    Ok(())
-}
-
 fn metadata(
-    settings: &Settings,
+    run: &Run<'_>,
+    frame: &Frame,
     camera: &Camera,
-    args: &RenderArgs,
-    [backend, device]: [String; 2],
     render_ms: f64,
+    exposure_ev: f32,
 ) -> Vec<(String, String)> {
     let world_from_camera = glam::Mat4::from_cols(
         camera.forward.cross(camera.up).extend(0.0),
@@ -344,19 +396,31 @@ fn metadata(
         (-camera.forward).extend(0.0),
         camera.position.extend(1.0),
     );
+    let [backend, device] = run.engine.names();
+    let mut all = vec![
+        ("version", env!("CARGO_PKG_VERSION").to_owned()),
+        ("scene", run.args.scene.clone()),
+        ("sceneHash", format!("{:016x}", run.scene_hash)),
+        ("settings", Value::Object(run.settings.to_json()).to_string()),
+        ("seed", run.settings.seed.to_string()),
+        ("backend", backend),
+        ("device", device),
+        ("deviceFeatures", run.engine.features().join(" ")),
+        ("renderTimeMs", format!("{render_ms:.1}")),
+        ("exposureEv", exposure_ev.to_string()),
+        ("worldFromCamera", format!("{:?}", world_from_camera.to_cols_array())),
+    ];
+    all.extend(match camera.projection {
+        Projection::Perspective { vfov_rad } => {
+            [("projection", "perspective".to_owned()), ("vfovRad", vfov_rad.to_string())]
+        }
+        Projection::Orthographic { half_height } => {
+            [("projection", "orthographic".to_owned()), ("halfHeight", half_height.to_string())]
+        }
+    });
+    all.extend(frame.alpha.map(|alpha| ("alpha", alpha.to_string())));
     // A prefix, because OpenEXR reserves many plain names.
-    let text = |k: &str, v: String| (format!("manylight.{k}"), v);
-    vec![
-        text("version", env!("CARGO_PKG_VERSION").to_owned()),
-        text("scene", args.scene.clone()),
-        text("settings", Value::Object(settings.to_json()).to_string()),
-        text("seed", settings.seed.to_string()),
-        text("backend", backend),
-        text("device", device),
-        text("renderTimeMs", format!("{render_ms:.1}")),
-        text("worldFromCamera", format!("{:?}", world_from_camera.to_cols_array())),
-        text("projection", format!("{:?}", camera.projection)),
-    ]
+    all.into_iter().map(|(key, value)| (format!("manylight.{key}"), value)).collect()
 }
 
 /// A hash of everything in a scene that is rendered.

@@ -39,7 +39,10 @@ impl Drop for Folder {
 }
 
 fn manylight(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_manylight")).args(args).output().expect("the program runs")
+    let mut command = Command::new(env!("CARGO_BIN_EXE_manylight"));
+    // Software drivers complain on standard error where it is not set.
+    command.env("XDG_RUNTIME_DIR", std::env::temp_dir());
+    command.args(args).output().expect("the program runs")
 }
 
 fn text(bytes: &[u8]) -> String {
@@ -59,6 +62,10 @@ fn render_and_compare_go_together() {
     let report: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON alone");
     assert_eq!(report["size"], serde_json::json!([48, 32]));
     assert!(report["stages"].as_array().is_some_and(|s| s.len() >= 5));
+    assert!(report["backend"].is_string() && report["device"].is_string(), "{report}");
+    assert_eq!(report["files"], serde_json::json!([exr, png, heat]));
+    assert!(report["times"]["open_device_ms"].is_number() && report["warning"].is_null());
+    let exposure_ev = report["exposure_ev"].as_f64().expect("a number") as f32;
     for path in [&exr, &png, &heat] {
         assert!(Path::new(path).metadata().is_ok_and(|m| m.len() > 500), "{path}");
     }
@@ -68,12 +75,25 @@ fn render_and_compare_go_together() {
     for layer in layers.split(' ') {
         assert!(picture.layers.iter().any(|l| l.0 == layer), "{layer} is missing");
     }
-    for key in
-        "settings seed sceneHash backend device deviceFeatures version worldFromCamera".split(' ')
-    {
-        let key = format!("manylight.{key}");
-        assert!(picture.metadata.iter().any(|m| m.0 == key), "{key} is missing");
-    }
+    let told = |key: &str| {
+        let found = picture.metadata.iter().find(|m| m.0 == format!("manylight.{key}"));
+        &found.unwrap_or_else(|| panic!("{key} is missing")).1
+    };
+    "settings seed sceneHash deviceFeatures version worldFromCamera".split(' ').for_each(|key| {
+        told(key);
+    });
+    assert_eq!(report["backend"], told("backend").as_str());
+    assert_eq!(report["device"], told("device").as_str());
+    assert_eq!(told("exposureEv").parse(), Ok(exposure_ev));
+    assert_eq!(told("projection"), "perspective");
+    assert!(told("vfovRad").parse::<f32>().is_ok_and(|v| v > 0.1 && v < 2.0));
+
+    // The exposure that was found makes the same picture.
+    let again = folder.file("again.png");
+    let fixed = format!("film.exposure_ev={exposure_ev}");
+    let args = ["render", "builtin:cornell", "-q", "-o", &again, "--set", &fixed];
+    assert!(manylight(&[&args[..], &QUICK].concat()).status.success());
+    assert!(std::fs::read(&again).expect("picture") == std::fs::read(&png).expect("picture"));
 
     let same = manylight(&["compare", &exr, &exr, "--max-flip", "0", "--max-bias", "0"]);
     assert_eq!(same.status.code(), Some(0), "{}", text(&same.stderr));
@@ -85,6 +105,8 @@ fn render_and_compare_go_together() {
     let mixed = manylight(&["compare", &png, &exr]);
     assert_eq!(mixed.status.code(), Some(2));
     assert!(text(&mixed.stderr).contains("tone-mapped"), "{}", text(&mixed.stderr));
+    let beauty = manylight(&["compare", &exr, &exr, "--layer", "beauty", "--max-flip", "0"]);
+    assert_eq!(beauty.status.code(), Some(0), "{}", text(&beauty.stderr));
     let layer = manylight(&["compare", &exr, &exr, "--layer", "glory"]);
     assert_eq!(layer.status.code(), Some(2));
     assert!(text(&layer.stderr).contains("shadow_ratio"), "{}", text(&layer.stderr));
@@ -166,6 +188,48 @@ fn frames_report_a_line_each() {
         .collect();
     assert_eq!(lines.iter().map(|l| l["frame"].as_u64()).collect::<Vec<_>>(), [Some(3), Some(4)]);
     assert!(Path::new(&folder.file("a.0003.png")).exists() && !Path::new(&out).exists());
+    assert_eq!(lines[1]["files"], serde_json::json!([folder.file("a.0004.png")]));
+
+    // Exposures that may differ are told once, with a way to keep the first.
+    let message = text(&output.stderr);
+    let setting = message.split("--set ").nth(1).expect(&message).trim();
+    assert_eq!(message.lines().count(), 1, "{message}");
+    let ev = setting.strip_prefix("film.exposure_ev=").map(str::parse::<f32>);
+    assert_eq!(ev, lines[0]["exposure_ev"].as_f64().map(|ev| Ok(ev as f32)), "{setting}");
+    let more = ["--overwrite", "--set", setting];
+    let fixed = manylight(&[&args[..], &QUICK, &more].concat());
+    assert!(fixed.status.success() && fixed.stderr.is_empty(), "{}", text(&fixed.stderr));
+}
+
+#[test]
+fn a_render_tells_what_it_wrote_and_where_it_ran() {
+    let folder = Folder::new("told");
+    let out = folder.file("a.png");
+    let args = ["render", "builtin:cornell", "--backend", "cpu", "--threads", "2"];
+    let told = text(&manylight(&[&args[..], &["-o", &out], &QUICK].concat()).stderr);
+    for part in ["open device", "cpu: 2 threads; exposure ", "EV, automatic", &out] {
+        assert!(told.contains(part), "{part}: {told}");
+    }
+    let nothing = manylight(&[&args[..], &QUICK].concat());
+    assert!(nothing.status.success() && text(&nothing.stderr).contains("nothing was written"));
+}
+
+#[test]
+fn a_shot_is_described_before_it_is_rendered() {
+    let folder = Folder::new("info");
+    let shot = folder.write("moving.json", MOVING);
+    let output = manylight(&["info", &shot, "--json"]);
+    let told: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON alone");
+    assert_eq!(told["position"], serde_json::json!([0.0, 1.0, 3.4]));
+    assert!(told["direction"][2].as_f64().is_some_and(|z| (z + 1.0).abs() < 1e-6), "{told}");
+    assert_eq!(told["vfov_deg"].as_f64().map(f64::round), Some(40.0));
+    assert_eq!(told["size"], serde_json::json!([1280, 720]));
+    let bounds = &told["bounds_m"];
+    assert!(bounds[0][0].as_f64() < Some(-0.5) && bounds[1][1].as_f64() > Some(1.5), "{bounds}");
+    let names = told["material_names"].as_array().expect("a list");
+    assert_eq!(Some(names.len() as u64), told["materials"].as_u64());
+    let plain = manylight(&["info", &shot]);
+    assert!(plain.stderr.is_empty() && text(&plain.stdout).contains("material names"));
 }
 
 #[test]
@@ -260,11 +324,15 @@ fn bad_input_is_one_sentence_and_exit_code_2() {
         (vec!["compare", &dark, &own_folder], "directory"),
         (vec!["compare", &dark, &wide], "render both at one size"),
         (vec!["compare", &dark, &lost], "no pixel is finite"),
-        (vec!["compare", &dark, &dark, "--layer", "direct"], "its layers: none"),
+        (vec!["compare", &dark, &dark, "--layer", "direct"], "its layers: beauty"),
         (vec!["compare", &dark, &dark, "--max-flip", "nan"], "--max-flip NaN"),
         (vec!["compare", &dark, &dark, "--max-bias=-1"], "0 or more"),
         (vec!["compare", &dark, &dark, "-o", &missing_folder], "folder"),
         (vec!["info", &empty], "empty.glb"),
+        (vec!["info", &unknown_setting], "grid.alfa"),
+        (vec!["info", &wrong_value], "vpls.count: -1 found"),
+        (vec!["info", cornell, "--camera", "a"], "--camera: the scene has no camera \"a\""),
+        (vec!["render", cornell, "-o", &out, "--camera", "7"], "by name or number it has: 0"),
         (vec!["bench", cornell, "--quality", "0"], "use 1 to"),
         (vec!["bench", cornell, "--quality", "18446744073709551615"], "use 1 to"),
         (vec!["bench", cornell, "--rays", "--dump-rays", &dumped], "folder"),
@@ -314,6 +382,11 @@ fn a_camera_that_sees_nothing_makes_a_black_picture_with_a_warning() {
             assert!(message.contains("warning: the picture is black"), "{name}: {message}");
         }
     }
+    let args = ["render", &folder.file("away.json"), "-q", "--json"];
+    let output = manylight(&[&args[..], &QUICK].concat());
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON alone");
+    assert!(report["warning"].as_str().is_some_and(|w| w.contains("sees no surface")), "{report}");
+    assert!(output.stderr.is_empty());
 }
 
 /// Every way a full disk shows itself: nothing half-written, the earlier picture kept.
@@ -376,4 +449,16 @@ fn bench_measures_time_and_quality() {
     let output = manylight(&[&["bench", "builtin:cornell", "--frames", "1"], &quick[..]].concat());
     let report: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
     assert!(report[0]["report"]["frame"]["median_ms"].as_f64().is_some_and(|ms| ms > 0.0));
+
+    let scenes = ["bench", "builtin:cornell", "builtin:cornell", "--frames", "1"];
+    let table = text(&manylight(&[&scenes[..], &quick[..6]].concat()).stdout);
+    let heads = table
+        .lines()
+        .filter(|l| l.split_whitespace().eq("stage median ms p10 ms p90 ms".split(' ')));
+    assert_eq!(heads.count(), 2, "{table}");
+    let numbers: Vec<_> = table.lines().filter(|l| l.starts_with("  frame")).collect();
+    let digits =
+        |l: &&str| l.split_whitespace().skip(1).all(|n| n.parse::<f64>().is_ok() && n.len() < 9);
+    assert!(numbers.len() == 2 && numbers.iter().all(digits), "{table}");
+    assert!(!table.contains(['{', '[']) && table.contains("peak_memory_mib"), "{table}");
 }

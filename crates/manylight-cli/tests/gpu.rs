@@ -74,6 +74,9 @@ fn an_emulated_device_renders_only_where_it_is_named() {
         return;
     }
     assert_refused(&RENDER, &["no graphics device", "--backend cpu"]);
+    if !devices().is_empty() {
+        assert_refused(&RENDER, &["software drivers", "--set gpu.device="]);
+    }
 }
 
 #[test]

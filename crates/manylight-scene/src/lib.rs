@@ -41,3 +41,17 @@ pub struct Shot {
     /// Oddities that were repaired or left out.
     pub warnings: Vec<Warning>,
 }
+
+impl Shot {
+    /// Looks through the scene's camera of this name or number, which stands still; the size of
+    /// the picture stays. `place` is where the name was written, for messages.
+    ///
+    /// Errors: one sentence with the cameras there are.
+    pub fn use_camera(&mut self, name: &str, place: &str) -> Result<(), Error> {
+        let mut camera = load::find_camera(&self.scene, name, place)?.clone();
+        camera.size_px = camera.size_px.or(self.camera.size_px);
+        self.camera = camera;
+        self.path = CameraPath::default();
+        Ok(())
+    }
+}

@@ -146,9 +146,10 @@ fn build_shot(path: &str, file: ShotFile, folder: Option<&Path>) -> Result<Shot,
     }
     validate::check_geometry(&scene)?;
     validate::check_light(&scene, path)?;
-    let camera = match file.camera.or(own_camera) {
-        Some(camera) => camera,
-        None => choose_camera(&scene, &mut warnings)?,
+    let camera = match (&file.camera_name, file.camera.or(own_camera)) {
+        (Some(name), _) => find_camera(&scene, name, &format!("{path}: camera"))?.clone(),
+        (None, Some(camera)) => camera,
+        (None, None) => choose_camera(&scene, &mut warnings)?,
     };
     Ok(Shot { scene, camera, path: file.path, settings: file.settings, warnings: warnings.0 })
 }
@@ -254,6 +255,33 @@ fn edit_distance(a: &str, b: &str) -> usize {
         }
     }
     row[b.len()]
+}
+
+/// Longest list of names in a message.
+const MAX_NAMES: usize = 20;
+
+/// The scene's camera of this name, else of this number, counted from 0.
+pub(crate) fn find_camera<'a>(
+    scene: &'a Scene,
+    name: &str,
+    place: &str,
+) -> Result<&'a Camera, Error> {
+    let cameras = &scene.cameras;
+    let by_name = cameras.iter().find(|camera| camera.name == name);
+    let by_number = || name.parse().ok().and_then(|number: usize| cameras.get(number));
+    by_name.or_else(by_number).ok_or_else(|| {
+        let shown = cameras.iter().take(MAX_NAMES).enumerate();
+        let name_of = |(i, camera): (usize, &Camera)| match camera.name.is_empty() {
+            true => i.to_string(),
+            false => camera.name.clone(),
+        };
+        let names: Vec<String> = shown.map(name_of).collect();
+        let known = match names.is_empty() {
+            true => "it has none; state position, target and vfov_deg in a shot".to_owned(),
+            false => format!("by name or number it has: {}", names.join(", ")),
+        };
+        Error::invalid(place, format!("the scene has no camera \"{name}\"; {known}"))
+    })
 }
 
 /// The scene's first camera, else one that shows everything.

@@ -300,6 +300,21 @@ impl Camera {
 }
 
 impl Scene {
+    /// Smallest and largest coordinates of what is placed, metres; `None` without triangles.
+    pub fn bounds(&self) -> Option<[Vec3; 2]> {
+        let mut bounds: Option<[Vec3; 2]> = None;
+        for instance in &self.instances {
+            let mesh = self.meshes.get(instance.mesh as usize)?;
+            for &vertex in mesh.triangles.iter().flatten() {
+                let p = mesh.positions.get(vertex as usize)?;
+                let p = instance.world_from_object.transform_point3(*p);
+                let [low, high] = bounds.unwrap_or([p, p]);
+                bounds = Some([low.min(p), high.max(p)]);
+            }
+        }
+        bounds
+    }
+
     /// Triangles over all instances, as the renderer meets them.
     pub fn triangle_count(&self) -> u64 {
         self.instances.iter().map(|i| self.meshes[i.mesh as usize].triangles.len() as u64).sum()

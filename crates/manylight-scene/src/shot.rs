@@ -25,6 +25,8 @@ pub struct ShotFile {
     pub scene: String,
     /// The view; `None`: the scene's own first camera, else one that shows everything.
     pub camera: Option<Camera>,
+    /// The scene's camera of this name or number takes the place of `camera`.
+    pub camera_name: Option<String>,
     /// Where it is in the frames of a sequence.
     pub path: CameraPath,
     /// Replaces the scene's punctual lights and sky; `None`: everything in the scene shines.
@@ -89,7 +91,11 @@ pub(crate) fn parse_shot(root: &Item<'_>) -> Result<ShotFile, Error> {
     if scene.trim().is_empty() {
         return Err(scene_item.fail("empty; name a .glb or .gltf file, or builtin:NAME"));
     }
-    let camera = root.field("camera")?.map(|item| parse_camera(&item)).transpose()?;
+    let camera_item = root.field("camera")?;
+    let camera_name = camera_item.as_ref().and_then(|item| item.value.as_str());
+    let camera_name = camera_name.map(str::to_owned);
+    let stated = camera_item.filter(|_| camera_name.is_none());
+    let camera = stated.map(|item| parse_camera(&item)).transpose()?;
     let (camera, path) = camera.map_or_else(Default::default, |(c, path)| (Some(c), path));
     let lights = match root.field("lights")? {
         Some(list) => {
@@ -108,7 +114,7 @@ pub(crate) fn parse_shot(root: &Item<'_>) -> Result<ShotFile, Error> {
         Some(item) => item.map()?.clone(),
         None => Map::new(),
     };
-    Ok(ShotFile { scene, camera, path, lights, settings })
+    Ok(ShotFile { scene, camera, camera_name, path, lights, settings })
 }
 
 fn parse_camera(item: &Item<'_>) -> Result<(Camera, CameraPath), Error> {

@@ -62,6 +62,40 @@ fn cameras_move_by_keys() {
 }
 
 #[test]
+fn cameras_of_the_scene_are_chosen_by_name_or_number() {
+    let folder = make_folder("cameras");
+    let mut glb = Glb::triangle();
+    glb.json["cameras"] = json!([{"type": "perspective", "perspective": {"yfov": 0.7}}]);
+    glb.json["nodes"] = json!([
+        {"mesh": 0, "translation": [0, 0, -2], "scale": [3, 1, 1]},
+        {"camera": 0, "name": "front", "translation": [0, 0, 5]},
+        {"camera": 0, "translation": [0, 0, 7]},
+    ]);
+    glb.json["scenes"] = json!([{"nodes": [0, 1, 2], "extras": {"sky_radiance": [1, 1, 1]}}]);
+    std::fs::write(folder.join("t.glb"), glb.bytes()).unwrap();
+    for (name, z) in [("front", 5.0), ("0", 5.0), ("1", 7.0)] {
+        let shot = json!({"scene": "t.glb", "camera": name}).to_string();
+        let shot = load_text(&folder, "shot.json", &shot).unwrap();
+        assert_eq!(shot.camera.position.z, z, "{name}");
+    }
+    let unknown = json!({"scene": "t.glb", "camera": "back"}).to_string();
+    let message = load_text(&folder, "shot.json", &unknown).unwrap_err().to_string();
+    assert!(message.contains("camera: the scene has no camera \"back\""), "{message}");
+    assert!(message.ends_with("it has: front, 1"), "{message}");
+
+    // A stated camera gives way, with its keys; the size of its picture stays.
+    let mut moving = good();
+    moving["camera"]["keys"] = json!([{"frame": 10, "position": [0, 4, 0]}]);
+    moving["lights"] = Value::Null;
+    let mut shot = load_text(&folder, "shot.json", &moving.to_string()).unwrap();
+    shot.use_camera("front", "--camera").unwrap();
+    assert!(shot.path.is_empty() && shot.camera.position.z == 5.0);
+    assert_eq!(shot.camera.size_px, Some([1280, 720]));
+    let bounds = [vec3(0.0, 0.0, -2.0), vec3(3.0, 1.0, -2.0)];
+    assert_eq!(shot.scene.bounds(), Some(bounds));
+}
+
+#[test]
 fn every_part_of_a_shot_arrives() {
     let folder = make_folder("every_part");
     let shot = load_text(&folder, "shot.json", &good().to_string()).unwrap();
@@ -143,6 +177,7 @@ fn wrong_fields_are_refused_with_their_place() {
         ("/extra", json!(1), "extra: unknown key; allowed: scene, camera, lights, settings"),
         ("/settings", json!([1]), "settings: a list"),
         ("/camera", json!(1), "camera: the number 1"),
+        ("/camera", json!("front"), "no camera \"front\"; it has none"),
         ("/camera/vfov", json!(1), "camera.vfov: unknown key; allowed: position, target"),
         ("/camera/position", Value::Null, "camera: `position` is missing"),
         ("/camera/position", json!([0, 2]), "3 finite numbers"),

@@ -12,5 +12,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let data = frame.layers.beauty().iter().flat_map(|c| c.to_array()).collect();
     let picture = Raster { width: size[0], height: size[1], channels: 3, data };
     write_png(&picture, &ToneSettings::default(), "hello.png".as_ref())?;
+    println!("hello.png");
     Ok(())
 }

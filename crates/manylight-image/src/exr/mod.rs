@@ -6,6 +6,7 @@
 //! level, but no deep data and no subsampled channels.
 
 mod layers;
+mod order;
 
 pub(crate) use layers::replicate;
 
@@ -20,6 +21,8 @@ use ::exr::prelude::{
     AnyChannel, AnyChannels, Compression, Encoding, FlatSamples, Image, Layer, ReadChannels,
     ReadLayers, SmallVec, Vec2, WritableImage, read,
 };
+
+use order::Remember;
 
 use crate::error::{check_raster, check_size};
 use crate::{Error, LayeredImage, Raster, write_atomic};
@@ -41,6 +44,7 @@ const REC709: Chromaticities = Chromaticities {
 /// Channels are named `R G B` at the root, `name.R name.G name.B` for three-channel layers
 /// (`X Y Z` for layers called `N` and `P`), `name.Y` for one-channel layers (`depth.Z` for
 /// `depth`). A one-channel beauty becomes a root `Y`. Metadata become text attributes in UTF-8.
+/// Equal pictures become equal bytes.
 ///
 /// Errors: `Encode` when names are empty, doubled, reserved or too long, or when a layer has
 /// another size; `Write` on system failures. The file is written atomically.
@@ -78,10 +82,13 @@ pub fn write_exr(image: &LayeredImage, path: &Path) -> Result<(), Error> {
     let mut file = Image::from_layer(layer);
     file.attributes.chromaticities = Some(REC709);
     write_atomic(path, |sink| {
-        file.write().to_buffered(sink).map_err(|error| match error {
+        // The encoder keeps attributes in a map without an order.
+        let mut sink = Remember::new(sink);
+        file.write().to_buffered(&mut sink).map_err(|error| match error {
             ::exr::error::Error::Io(source) => Error::write(path, source),
             other => Error::encode(path, FORMAT, other),
-        })
+        })?;
+        sink.sort_attributes().map_err(|source| Error::write(path, source))
     })
 }
 

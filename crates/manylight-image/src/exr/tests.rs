@@ -30,6 +30,26 @@ fn layers_and_metadata_survive_a_round_trip() {
 }
 
 #[test]
+fn equal_pictures_are_equal_files() {
+    let folder = Folder::new();
+    let path = folder.path("a.exr");
+    let mut image = sample_image();
+    let more = (0..20).map(|i| (format!("manylight.{i}"), "x".repeat(i * 300)));
+    image.metadata.extend(more);
+    write_exr(&image, &path).unwrap();
+    let bytes = fs::read(&path).unwrap();
+    for _ in 0..4 {
+        write_exr(&image, &path).unwrap();
+        assert!(fs::read(&path).unwrap() == bytes);
+    }
+    let at = |name: &str| bytes.windows(name.len()).position(|w| w == name.as_bytes()).unwrap();
+    let places = ["channels\0", "comments\0", "manylight.0\0", "manylight.9\0", "ünïcode\0"];
+    assert!(places.map(at).is_sorted());
+    image.metadata.sort();
+    assert_eq!(read_exr(&path).unwrap(), image);
+}
+
+#[test]
 fn channel_names_follow_the_contract() {
     let folder = Folder::new();
     let path = folder.path("a.exr");

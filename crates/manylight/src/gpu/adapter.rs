@@ -135,7 +135,13 @@ pub(super) fn choose(options: &GpuOptions) -> Result<(AdapterDescription, wgpu::
                         driver, or render with --backend cpu"
                 .to_owned(),
             (names, "") => {
-                format!("no graphics device beside {names}; render with --backend cpu")
+                let is_part = |c: char| c.is_alphanumeric() || "-_".contains(c);
+                let part: String = names.chars().take_while(|&c| is_part(c)).collect();
+                format!(
+                    "no graphics device beside software drivers ({names}); name one, for example \
+                     --set gpu.device={}, or render with --backend cpu",
+                    part.to_lowercase()
+                )
             }
             (names, wanted) => {
                 format!("no graphics device with {wanted:?} in its name; found: {names}")
