@@ -189,7 +189,8 @@ mod tests {
     fn on_device(settings: &Settings) -> Option<(Engine, Camera)> {
         let shot = manylight_scene::load("builtin:cornell");
         let Shot { scene, camera, .. } = shot.expect("a built-in shot");
-        let engine = Engine::new(scene, Backend::Auto, settings, true).expect("an engine");
+        let renderer = Renderer::new(scene).expect("a renderer");
+        let engine = Engine::new(renderer, Backend::Auto, settings, true).expect("an engine");
         if matches!(engine, Engine::Cpu(_)) {
             let is_required = std::env::var_os("MANYLIGHT_REQUIRE_GPU").is_some();
             assert!(!is_required, "no software Vulkan driver");
