@@ -166,6 +166,7 @@ fn print_rows(rows: &[(&str, Value)], as_json: bool) -> Result<Outcome, Failure>
         let text = match value {
             Value::String(s) => s.clone(),
             Value::Array(list) if list.is_empty() => "none".to_owned(),
+            Value::Object(fields) if fields.is_empty() => "none".to_owned(),
             Value::Array(list) if list.iter().all(Value::is_string) => {
                 list.iter().filter_map(Value::as_str).collect::<Vec<_>>().join(", ")
             }

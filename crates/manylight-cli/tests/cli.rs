@@ -332,7 +332,7 @@ fn bad_input_is_one_sentence_and_exit_code_2() {
         (vec!["info", &unknown_setting], "grid.alfa"),
         (vec!["info", &wrong_value], "vpls.count: -1 found"),
         (vec!["info", cornell, "--camera", "a"], "--camera: the scene has no camera \"a\""),
-        (vec!["render", cornell, "-o", &out, "--camera", "7"], "by name or number it has: 0"),
+        (vec!["render", cornell, "-o", &out, "--camera", "7"], "by name or number it has: builtin"),
         (vec!["bench", cornell, "--quality", "0"], "use 1 to"),
         (vec!["bench", cornell, "--quality", "18446744073709551615"], "use 1 to"),
         (vec!["bench", cornell, "--rays", "--dump-rays", &dumped], "folder"),
