@@ -188,7 +188,8 @@ mod tests {
     /// A small scene on the first software driver; none, or a failure where tests of graphics
     /// devices are required, without one.
     fn on_device(settings: &Settings) -> Option<(Engine, Camera)> {
-        let Shot { scene, camera, .. } = manylight_scene::load("builtin:cornell").expect("built in");
+        let Shot { scene, camera, .. } =
+            manylight_scene::load("builtin:cornell").expect("built in");
         let engine = Engine::new(scene, Backend::Auto, settings, true).expect("an engine");
         if matches!(engine, Engine::Cpu(_)) {
             let is_required = std::env::var_os("MANYLIGHT_REQUIRE_GPU").is_some();
