@@ -11,6 +11,7 @@ use manylight::gather::grid::{DETAIL, LightingGrid};
 use manylight::{Renderer, Settings};
 use serde_json::{Value, json};
 use std::io::Write;
+use std::path::PathBuf;
 use std::time::Instant;
 
 /// Most receivers of `--quality`; each takes a tile of the picture.
@@ -31,14 +32,33 @@ pub fn run(args: &BenchArgs) -> Result<Outcome, Failure> {
     let dumps: Vec<_> =
         args.dump_rays.iter().flat_map(|p| DUMPS.map(|end| p.with_extension(end))).collect();
     output::check(&dumps, &DUMPS)?;
-    render::use_threads(&args.settings)?;
     let default = ["builtin:atrium".to_owned()];
     let scenes = if args.scenes.is_empty() { &default[..] } else { &args.scenes[..] };
+    if args.dump_rays.is_some() && scenes.len() > 1 {
+        return Err("--dump-rays: one scene fills the files; name one scene".into());
+    }
     let mut reports = Vec::new();
+    let result = measure(scenes, &dumps, args, &mut reports);
+    // What is finished is not lost by a later scene that fails.
+    if args.json && (result.is_ok() || !reports.is_empty()) {
+        output::print(&Value::Array(reports).to_string(), result.is_err())?;
+    }
+    result.map(|()| Outcome::Done)
+}
+
+/// Measures scene after scene.
+fn measure(
+    scenes: &[String],
+    dumps: &[PathBuf],
+    args: &BenchArgs,
+    reports: &mut Vec<Value>,
+) -> Result<(), Failure> {
     for scene in scenes {
         // The peak of the first is its own in any case.
         let is_own_peak = reports.is_empty() || memory::reset_peak();
         let shot = render::load(scene, args.settings.camera.as_deref(), args.json)?;
+        let inputs = output::Inputs::new(&shot.files);
+        dumps.iter().try_for_each(|dump| inputs.check(dump))?;
         let settings = render::settings(&args.settings, &shot)?;
         let size = render::size(&args.settings, &shot.camera)?;
         memory::check_render(size, &settings, true)?;
@@ -57,10 +77,7 @@ pub fn run(args: &BenchArgs) -> Result<Outcome, Failure> {
         };
         reports.push(finish(scene, report, args)?);
     }
-    if args.json {
-        writeln!(std::io::stdout(), "{}", Value::Array(reports))?;
-    }
-    Ok(Outcome::Done)
+    Ok(())
 }
 
 /// Prints a report unless all are wanted as JSON.

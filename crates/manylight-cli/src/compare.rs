@@ -13,6 +13,8 @@ const BEAUTY: &str = "beauty";
 pub fn run(args: &CompareArgs) -> Result<Outcome, Failure> {
     output::check(args.output.as_slice(), &["png"])?;
     check_limits(args)?;
+    let inputs = output::Inputs::new([&args.a, &args.b]);
+    args.output.iter().try_for_each(|output| inputs.check(output))?;
     let [is_png, other_is_png] = [&args.a, &args.b].map(|path| output::is_png(path));
     if is_png != other_is_png {
         let (a, b) = (args.a.display(), args.b.display());
@@ -50,25 +52,26 @@ pub fn run(args: &CompareArgs) -> Result<Outcome, Failure> {
             rows.iter().map(|r| (r.1.to_owned(), json!(r.2))).collect();
         report.insert("nonfinite_count".to_owned(), json!(errors.nonfinite_count));
         report.insert("failed".to_owned(), failed.iter().map(|r| r.1).collect());
-        writeln!(std::io::stdout(), "{}", serde_json::Value::Object(report))?;
+        output::print(&serde_json::Value::Object(report).to_string(), true)?;
     } else {
-        let mut out = std::io::stdout().lock();
         for (name, _, value, _) in rows {
-            writeln!(out, "{name:<16}{value:>14.6}")?;
+            output::print(&format!("{name:<16}{value:>14.6}"), true)?;
         }
         if errors.nonfinite_count > 0 {
-            writeln!(out, "{} pixels are not finite and were left out", errors.nonfinite_count)?;
+            let count = errors.nonfinite_count;
+            output::print(&format!("{count} pixels are not finite and were left out"), true)?;
         }
     }
     for (name, _, value, limit) in &failed {
         let limit = limit.unwrap_or_default();
-        writeln!(std::io::stderr(), "manylight: {name} {value:.6} is above the limit {limit}")?;
+        let _ =
+            writeln!(std::io::stderr(), "manylight: {name} {value:.6} is above the limit {limit}");
     }
     // Whoever sets limits wants a sound picture: pixels that were left out are no success.
     let is_unsound = errors.nonfinite_count > 0 && rows.iter().any(|r| r.3.is_some());
     if is_unsound {
         let count = errors.nonfinite_count;
-        writeln!(std::io::stderr(), "manylight: {count} pixels are not finite")?;
+        let _ = writeln!(std::io::stderr(), "manylight: {count} pixels are not finite");
     }
     let all_well = failed.is_empty() && !is_unsound;
     Ok(if all_well { Outcome::Done } else { Outcome::CheckFailed })

@@ -13,7 +13,6 @@ const SIZE: [usize; 2] = [96, 54];
 
 /// Runs the command.
 pub fn run(args: &DiffStagesArgs) -> Result<Outcome, Failure> {
-    render::use_threads(&args.settings)?;
     let shot = render::load(&args.scene, args.settings.camera.as_deref(), args.json)?;
     let settings = render::settings(&args.settings, &shot)?;
     let size = match args.settings.size {

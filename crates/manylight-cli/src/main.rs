@@ -10,6 +10,7 @@ mod memory;
 mod output;
 mod render;
 mod sequence;
+mod threads;
 
 use clap::Parser;
 use std::io::Write;
@@ -50,15 +51,7 @@ fn main() -> ExitCode {
             return if e.use_stderr() { ExitCode::from(EXIT_ERROR) } else { ExitCode::SUCCESS };
         }
     };
-    let outcome = match &args.command {
-        args::Command::Render(a) => render::run(a),
-        args::Command::Compare(a) => compare::run(a),
-        args::Command::Bench(a) => bench::run(a),
-        args::Command::DiffStages(a) => diff_stages::run(a),
-        args::Command::Info(a) => info::run_info(a),
-        args::Command::Devices(a) => info::run_devices(a),
-        args::Command::Methods(a) => info::run_methods(a),
-    };
+    let outcome = run(&args.command);
     match outcome {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
         Ok(Outcome::CheckFailed) => ExitCode::from(EXIT_CHECK_FAILED),
@@ -67,6 +60,24 @@ fn main() -> ExitCode {
             let _ = writeln!(std::io::stderr(), "manylight: {}", describe(&*e));
             ExitCode::from(EXIT_ERROR)
         }
+    }
+}
+
+fn run(command: &args::Command) -> Result<Outcome, Failure> {
+    threads::start(match command {
+        args::Command::Render(a) => a.settings.threads,
+        args::Command::Bench(a) => a.settings.threads,
+        args::Command::DiffStages(a) => a.settings.threads,
+        _ => None,
+    })?;
+    match command {
+        args::Command::Render(a) => render::run(a),
+        args::Command::Compare(a) => compare::run(a),
+        args::Command::Bench(a) => bench::run(a),
+        args::Command::DiffStages(a) => diff_stages::run(a),
+        args::Command::Info(a) => info::run_info(a),
+        args::Command::Devices(a) => info::run_devices(a),
+        args::Command::Methods(a) => info::run_methods(a),
     }
 }
 
@@ -89,7 +100,7 @@ fn describe(error: &(dyn std::error::Error + 'static)) -> String {
     text.chars().take(MAX_MESSAGE_CHARS).map(visible).collect()
 }
 
-/// A reader that had enough, as in `manylight … | head`.
+/// A reader that had enough, as in `manylight … | head`, where there is nothing else to do.
 fn is_broken_pipe(error: &(dyn std::error::Error + 'static)) -> bool {
     error
         .downcast_ref::<std::io::Error>()

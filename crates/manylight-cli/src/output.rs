@@ -4,6 +4,8 @@ use crate::Failure;
 use glam::Vec3;
 use manylight::Frame;
 use manylight_image::{LayeredImage, Raster, ToneSettings};
+use std::collections::HashSet;
+use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 /// The picture with all its layers.
@@ -55,9 +57,51 @@ pub fn check_distinct<'a>(paths: impl Iterator<Item = &'a PathBuf>) -> Result<()
     Ok(())
 }
 
+/// The files that a command reads.
+pub struct Inputs(HashSet<PathBuf>);
+
+impl Inputs {
+    /// Those among these paths that are there.
+    pub fn new<'a>(paths: impl IntoIterator<Item = &'a PathBuf>) -> Self {
+        Self(paths.into_iter().filter_map(|path| path.canonicalize().ok()).collect())
+    }
+
+    /// Refuses an output that would take the place of an input.
+    pub fn check(&self, output: &Path) -> Result<(), Failure> {
+        if !self.0.is_empty() && output.canonicalize().is_ok_and(|place| self.0.contains(&place)) {
+            let shown = output.display();
+            return Err(format!("{shown} is read by this command; name another output").into());
+        }
+        Ok(())
+    }
+}
+
+/// Prints a line of results. A reader that went away is an error only where nothing else is to be
+/// done.
+pub fn print(line: &str, goes_on: bool) -> Result<(), Failure> {
+    match writeln!(std::io::stdout(), "{line}") {
+        Err(e) if goes_on && e.kind() == ErrorKind::BrokenPipe => Ok(()),
+        printed => Ok(printed?),
+    }
+}
+
 /// The folder of a relative name without one is the current folder.
 fn folder_or_here(folder: &Path) -> &Path {
     if folder.as_os_str().is_empty() { Path::new(".") } else { folder }
+}
+
+/// Refuses what cannot become a file by its name, or by what is there.
+pub fn check_target(path: &Path) -> Result<(), Failure> {
+    let shown = path.display();
+    if path.is_dir() {
+        return Err(format!("cannot write {shown}: it is a folder; name a file in it").into());
+    }
+    if let Err(e) = path.symlink_metadata()
+        && e.kind() == ErrorKind::InvalidFilename
+    {
+        return Err(format!("cannot write {shown}: {e}; choose a shorter name").into());
+    }
+    Ok(manylight_image::check_target(path)?)
 }
 
 /// Refuses outputs that could not be written later, before any work is done.
@@ -69,14 +113,7 @@ pub fn check(paths: &[PathBuf], allowed: &[&str]) -> Result<(), Failure> {
             let allowed = allowed.join(" or .");
             return Err(format!("cannot write {shown}: name a file that ends in .{allowed}").into());
         }
-        if path.is_dir() {
-            return Err(format!("cannot write {shown}: it is a folder; name a file in it").into());
-        }
-        if let Err(e) = path.symlink_metadata()
-            && e.kind() == std::io::ErrorKind::InvalidFilename
-        {
-            return Err(format!("cannot write {shown}: {e}; choose a shorter name").into());
-        }
+        check_target(path)?;
         let parent = path.parent().map_or(Path::new("."), folder_or_here);
         // Creating a file is the only test that covers rights, read-only disks and full ones.
         let probe = parent.join(format!(".manylight-{}.tmp", std::process::id()));

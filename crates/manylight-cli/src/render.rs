@@ -12,7 +12,6 @@ use manylight_scene::{Camera, MAX_PIXELS, Projection, Shot};
 use serde_json::{Value, json};
 use std::collections::VecDeque;
 use std::io::{IsTerminal, Write};
-use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
@@ -25,7 +24,13 @@ const BAR_DELAY: Duration = Duration::from_secs(1);
 /// Settings of a shot: preset, then the shot's own, then the command line's.
 pub fn settings(args: &SettingArgs, shot: &Shot) -> Result<Settings, Failure> {
     let mut settings = Settings::preset(args.preset.as_deref().unwrap_or("balanced"))?;
-    settings.apply(&shot.settings)?;
+    // What a shot states is wrong in its file, not on the command line.
+    let of_shot = |e: manylight::Error| -> Failure {
+        let file = shot.files.first().map(|file| format!("{}: ", file.display()));
+        format!("{}{e}", file.unwrap_or_default()).into()
+    };
+    settings.apply(&shot.settings).map_err(of_shot)?;
+    let is_wrong_before = settings.validate().is_err();
     for set in &args.sets {
         let named = set.split_once('=').filter(|(path, _)| !path.trim().is_empty());
         let (path, value) = named.ok_or_else(|| {
@@ -34,8 +39,10 @@ pub fn settings(args: &SettingArgs, shot: &Shot) -> Result<Settings, Failure> {
         settings.set(path.trim(), value)?;
     }
     settings.seed = args.seed.unwrap_or(settings.seed);
-    settings.validate()?;
-    Ok(settings)
+    match settings.validate() {
+        Err(e) if is_wrong_before => Err(of_shot(e)),
+        result => Ok(result.map(|()| settings)?),
+    }
 }
 
 /// Size of the picture: command line, else shot, else 1280×720.
@@ -49,16 +56,6 @@ pub fn size(args: &SettingArgs, camera: &Camera) -> Result<[usize; 2], Failure> 
     let problem =
         format!("write WIDTHxHEIGHT of at most {MAX_PIXELS} pixels, for example 1280x720");
     size.ok_or_else(|| format!("--size {text}: {problem}").into())
-}
-
-/// Sets the number of threads of the whole program.
-pub fn use_threads(args: &SettingArgs) -> Result<(), Failure> {
-    let Some(threads) = args.threads else { return Ok(()) };
-    if !(1..=1024).contains(&threads) {
-        return Err(format!("--threads {threads}: use 1 to 1024").into());
-    }
-    rayon::ThreadPoolBuilder::new().num_threads(threads).build_global()?;
-    Ok(())
 }
 
 /// Loads a scene, chooses its camera, and passes its warnings on.
@@ -91,7 +88,6 @@ pub fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     if args.quiet && !args.json && args.output.is_empty() && args.heatmap.is_none() {
         return Err("--quiet without -o would leave nothing; name a file".into());
     }
-    use_threads(&args.settings)?;
     let start = Instant::now();
     let shot = load(&args.scene, args.settings.camera.as_deref(), args.quiet)?;
     let mut settings = settings(&args.settings, &shot)?;
@@ -103,6 +99,12 @@ pub fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     }
     let size = size(&args.settings, &shot.camera)?;
     memory::check_render(size, &settings, frames.is_some())?;
+    let inputs = output::Inputs::new(&shot.files);
+    let files: Vec<_> = args.output.iter().chain(&args.heatmap).collect();
+    let frames = match frames {
+        None => files.iter().try_for_each(|file| inputs.check(file)).map(|()| None)?,
+        Some(f) => Some(sequence::find_unfinished(f, &files, args.overwrite, &inputs)?),
+    };
     let scene_hash = hash_of(&shot);
     let (camera, path) = (shot.camera, shot.path);
     let load_ms = start.elapsed().as_secs_f64() * 1e3;
@@ -146,27 +148,21 @@ impl Run<'_> {
         let render_ms = start.elapsed().as_secs_f64() * 1e3;
         let written = self.write(&frame, camera, render_ms, None)?;
         if !args.json && !args.quiet {
-            self.print_table(&frame, render_ms, &written)?;
+            // Nobody may be there to read it; the picture is what counts.
+            let _ = self.print_table(&frame, render_ms, &written);
         }
         Ok(())
     }
 
     fn render_frames(
         &mut self,
-        frames: RangeInclusive<u32>,
+        (finished, unfinished): (usize, Vec<u32>),
         camera: &dyn Fn(u32) -> Camera,
     ) -> Result<(), Failure> {
         let args = self.args;
-        let is_finished = |n: u32| {
-            let mut files = args.output.iter().chain(&args.heatmap).peekable();
-            files.peek().is_some() && files.all(|path| sequence::file_of(path, n).exists())
-        };
-        let unfinished = frames.clone().filter(|&n| args.overwrite || !is_finished(n));
-        let unfinished: Vec<u32> = unfinished.collect();
-        let finished = frames.count() - unfinished.len();
         if finished > 0 && !args.quiet {
             let kept = "are there already and kept; --overwrite renders them again";
-            writeln!(std::io::stderr(), "{finished} frames {kept}")?;
+            let _ = writeln!(std::io::stderr(), "{finished} frames {kept}");
         }
         let filter = &self.settings.filter;
         let warm_up = self.settings.adds_up().then(|| args.warm_up.unwrap_or(filter.history));
@@ -208,7 +204,7 @@ impl Run<'_> {
                 }
             }
             if !args.json && !args.quiet {
-                writeln!(std::io::stderr(), "frame {number}: {render_ms:.1} ms{note}")?;
+                let _ = writeln!(std::io::stderr(), "frame {number}: {render_ms:.1} ms{note}");
             }
         }
         Ok(())
@@ -274,7 +270,8 @@ impl Run<'_> {
             if let Some(number) = number {
                 report["frame"] = json!(number);
             }
-            writeln!(std::io::stdout(), "{report}")?;
+            let has_files = !args.output.is_empty() || args.heatmap.is_some();
+            output::print(&report.to_string(), has_files)?;
         }
         Ok(written)
     }

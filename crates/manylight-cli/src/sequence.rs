@@ -1,6 +1,6 @@
 //! The frames of a sequence: which, into which files, and which have to be rendered before them.
 
-use crate::Failure;
+use crate::{Failure, output};
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
@@ -22,6 +22,34 @@ pub fn parse(text: &str) -> Result<RangeInclusive<u32>, Failure> {
         )
         .into()),
     }
+}
+
+/// How many frames are finished, and which are not; files that could not be written later, or are
+/// inputs, are refused before any work is done.
+///
+/// Finished are those of which all files are there and not empty, unless all are to be rendered.
+pub fn find_unfinished(
+    frames: RangeInclusive<u32>,
+    outputs: &[&PathBuf],
+    overwrite: bool,
+    inputs: &output::Inputs,
+) -> Result<(usize, Vec<u32>), Failure> {
+    let is_finished = |file: &PathBuf| file.metadata().is_ok_and(|m| m.is_file() && m.len() > 0);
+    let keeps = !overwrite && !outputs.is_empty();
+    let (mut finished, mut unfinished) = (0, Vec::new());
+    for frame in frames {
+        let files: Vec<_> = outputs.iter().map(|path| file_of(path, frame)).collect();
+        if keeps && files.iter().all(is_finished) {
+            finished += 1;
+            continue;
+        }
+        for file in &files {
+            output::check_target(file)?;
+            inputs.check(file)?;
+        }
+        unfinished.push(frame);
+    }
+    Ok((finished, unfinished))
 }
 
 /// The file of a frame: its number stands for the last `####` of the name, else before its ending.

@@ -275,7 +275,7 @@ fn bad_input_is_one_sentence_and_exit_code_2() {
         (vec!["render", cornell, "-o", &out, "--heatmap", &out], "named twice"),
         (vec!["render", "", "-o", &out], "the name is empty"),
         (vec!["render", &own_folder, "-o", &out], "not a file"),
-        (vec!["render", &wrong_value, "-o", &out], "vpls.count: -1 found"),
+        (vec!["render", &wrong_value, "-o", &out], "value.json: setting vpls.count: -1 found"),
         (vec!["render", cornell, "-o", &out, "--size", "0x4"], "--size 0x4"),
         (vec!["render", cornell, "-o", &out, "--size", "999999x999999"], "pixels"),
         (vec!["render", cornell, "-o", &out, "--size", "big"], "WIDTHxHEIGHT"),

@@ -17,16 +17,14 @@ impl<T: Write + Seek> WriteSeek for T {}
 /// The file is synced before the rename, so that a crash leaves the earlier content or the new
 /// one. A link is followed; a device such as `/dev/null` is written directly.
 ///
-/// Errors: `Write` on system failures, else what `write` returns; in both cases the temporary
+/// Errors: `Write` on system failures and where [`check_target`] refuses, else what `write` returns; in both cases the temporary
 /// file is removed and an earlier file is untouched.
 pub fn write_atomic(
     path: &Path,
     write: impl FnOnce(&mut dyn WriteSeek) -> Result<(), Error>,
 ) -> Result<(), Error> {
+    check_target(path)?;
     let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
-    if target.is_dir() {
-        return Err(Error::write(path, io::Error::from(io::ErrorKind::IsADirectory)));
-    }
     if target.exists() && !target.is_file() {
         let device = OpenOptions::new().write(true).open(&target);
         return fill(path, device.map_err(|source| Error::write(path, source))?, write).map(drop);
@@ -37,6 +35,31 @@ pub fn write_atomic(
     file.sync_all().map_err(|source| Error::write(path, source))?;
     drop(file);
     guard.rename(&target).map_err(|source| Error::write(path, source))
+}
+
+/// Refuses what can be no output: folders, too long names, and pipes, whose opening waits for a
+/// reader. Devices such as `/dev/null` are none of these.
+///
+/// Errors: `Write`.
+pub fn check_target(path: &Path) -> Result<(), Error> {
+    let kind = match fs::metadata(path) {
+        Ok(meta) => meta.file_type(),
+        Err(error) if error.kind() == io::ErrorKind::InvalidFilename => {
+            return Err(Error::write(path, error));
+        }
+        Err(_) => return Ok(()),
+    };
+    if kind.is_dir() {
+        return Err(Error::write(path, io::ErrorKind::IsADirectory.into()));
+    }
+    #[cfg(unix)]
+    let is_device = std::os::unix::fs::FileTypeExt::is_char_device(&kind);
+    #[cfg(not(unix))]
+    let is_device = true;
+    if !kind.is_file() && !is_device {
+        return Err(Error::write(path, io::Error::other("it is a pipe or a socket, not a file")));
+    }
+    Ok(())
 }
 
 /// Runs the caller's writer through a buffer and flushes it.

@@ -26,7 +26,7 @@ pub mod metric;
 #[cfg(test)]
 mod testing;
 
-pub use atomic::{WriteSeek, write_atomic};
+pub use atomic::{WriteSeek, check_target, write_atomic};
 pub use color::{LUMINANCE_WEIGHTS, linear_from_srgb, luminance, srgb_from_linear};
 pub use error::Error;
 pub use exr::{read_exr, write_exr};

@@ -4,11 +4,11 @@
 //! Out: the other of the two, bit for bit.
 //! Limits: the scale of the header only tells the byte order; its size is ignored, as usual.
 
-use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
 use crate::error::{check_raster, check_size};
+use crate::read::open;
 use crate::{Error, Raster, write_atomic};
 
 const FORMAT: &str = "PFM";
@@ -38,7 +38,7 @@ pub fn write_pfm(raster: &Raster, path: &Path) -> Result<(), Error> {
 /// Errors: `Decode` when the header is odd or data are missing, `TooLarge`, `Read`.
 pub fn read_pfm(path: &Path) -> Result<Raster, Error> {
     let system = |source| Error::read(path, source);
-    let mut file = BufReader::new(File::open(path).map_err(system)?);
+    let mut file = BufReader::new(open(path)?);
     let mut word = || read_word(&mut file).map_err(system);
 
     let channels = match word()?.as_str() {

@@ -3,7 +3,6 @@
 //! In: rasters to be tone-mapped, finished bytes, or files. Out: files, or linear rasters.
 //! Limits: writes 8 bits per channel; reading drops alpha and embedded colour profiles.
 
-use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
@@ -11,6 +10,7 @@ use image::codecs::png::{CompressionType, FilterType, PngDecoder, PngEncoder};
 use image::{ColorType, DynamicImage, ExtendedColorType, ImageDecoder, ImageEncoder, ImageError};
 
 use crate::error::check_size;
+use crate::read::{describe_error, open};
 use crate::{Error, Raster, ToneSettings, linear_from_srgb, tone_map, write_atomic};
 
 const FORMAT: &str = "PNG";
@@ -48,8 +48,8 @@ pub fn write_png_rgb8(rgb: &[u8], width: usize, height: usize, path: &Path) -> R
 ///
 /// Errors: `Decode` on damage, `TooLarge` before allocation, `Read` on system failures.
 pub fn read_png(path: &Path) -> Result<Raster, Error> {
-    let decode = |error: ImageError| Error::decode(path, FORMAT, error);
-    let file = File::open(path).map_err(|source| Error::read(path, source))?;
+    let decode = |error: ImageError| Error::decode(path, FORMAT, describe_error(&error));
+    let file = open(path)?;
     let decoder = PngDecoder::new(BufReader::new(file)).map_err(decode)?;
     let (width, height) = decoder.dimensions();
     check_size(path, FORMAT, width.into(), height.into(), 3)?;

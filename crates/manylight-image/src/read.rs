@@ -4,7 +4,7 @@
 //! Limits: see the readers of the formats.
 
 use std::fs::File;
-use std::io::{BufReader, Read};
+use std::io::{self, BufReader, ErrorKind, Read};
 use std::path::Path;
 
 use image::codecs::hdr::HdrDecoder;
@@ -22,7 +22,7 @@ use crate::{Error, LayeredImage, Raster, read_exr, read_pfm, read_png};
 pub fn read_picture(path: &Path) -> Result<LayeredImage, Error> {
     let system = |source| Error::read(path, source);
     let mut start = Vec::new();
-    File::open(path).map_err(system)?.take(8).read_to_end(&mut start).map_err(system)?;
+    open(path)?.take(8).read_to_end(&mut start).map_err(system)?;
     let beauty = match start.as_slice() {
         [0x76, 0x2f, 0x31, 0x01, ..] => return read_exr(path),
         [b'P', b'F' | b'f', space, ..] if space.is_ascii_whitespace() => read_pfm(path)?,
@@ -33,13 +33,40 @@ pub fn read_picture(path: &Path) -> Result<LayeredImage, Error> {
     Ok(LayeredImage { beauty: replicate(&beauty), layers: Vec::new(), metadata: Vec::new() })
 }
 
+/// Opens a regular file; pipes and devices may have no end, or never begin.
+pub(crate) fn open(path: &Path) -> Result<File, Error> {
+    let meta = path.metadata().map_err(|source| Error::read(path, source))?;
+    if meta.is_dir() {
+        return Err(Error::read(path, ErrorKind::IsADirectory.into()));
+    }
+    if !meta.is_file() {
+        return Err(Error::read(path, io::Error::other("it is a pipe or a device, not a file")));
+    }
+    // Files of the system that claim to be empty may wait for ever.
+    if meta.len() == 0 {
+        return Err(Error::UnknownFormat { path: path.to_owned() });
+    }
+    File::open(path).map_err(|source| Error::read(path, source))
+}
+
+/// Why a picture cannot be decoded; decoders have words of their own for it, not for users.
+pub(crate) fn describe_error(error: &ImageError) -> String {
+    match error {
+        ImageError::IoError(e) if e.kind() == ErrorKind::UnexpectedEof => "it is cut short".into(),
+        ImageError::IoError(e) => e.to_string(),
+        ImageError::Unsupported(_) => "its kind is not supported".into(),
+        ImageError::Limits(_) => "it is too large".into(),
+        _ => "its bytes are damaged".into(),
+    }
+}
+
 /// Reads a Radiance HDR picture; its `EXPOSURE` lines are not applied.
 ///
 /// Errors: `Decode` on damage, `TooLarge` before allocation, `Read` on system failures.
 pub fn read_hdr(path: &Path) -> Result<Raster, Error> {
     const FORMAT: &str = "Radiance HDR";
-    let decode = |error: ImageError| Error::decode(path, FORMAT, error);
-    let file = File::open(path).map_err(|source| Error::read(path, source))?;
+    let decode = |error: ImageError| Error::decode(path, FORMAT, describe_error(&error));
+    let file = open(path)?;
     let decoder = HdrDecoder::new_nonstrict(BufReader::new(file)).map_err(decode)?;
     let (width, height) = decoder.dimensions();
     check_size(path, FORMAT, width.into(), height.into(), 3)?;
@@ -72,6 +99,27 @@ mod tests {
             let error = read_picture(&path).unwrap_err();
             assert!(error.to_string().contains(".exr"), "{error}");
         }
+        fs::write(&path, b"\x89PNG\r\n\x1a\nxxxxxxxxxxxxxxxxxxxxxxxxxx").unwrap();
+        let error = read_picture(&path).unwrap_err().to_string();
+        assert!(error.contains("PNG picture: its bytes are damaged; make"), "{error}");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn pipes_and_devices_are_refused_at_once() {
+        let folder = Folder::new();
+        let pipe = folder.path("pipe.exr");
+        assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+        for path in [&pipe, Path::new("/dev/zero")] {
+            for read in [read_picture as fn(&Path) -> Result<LayeredImage, Error>, read_exr] {
+                let error = read(path).unwrap_err().to_string();
+                assert!(error.contains("not a file"), "{error}");
+            }
+            assert!(read_pfm(path).is_err() && read_png(path).is_err() && read_hdr(path).is_err());
+        }
+        let error = crate::write_atomic(&pipe, |_| Ok(())).unwrap_err().to_string();
+        assert!(error.contains("it is a pipe or a socket"), "{error}");
+        assert!(crate::write_atomic(Path::new("/dev/null"), |_| Ok(())).is_ok());
     }
 
     #[test]

@@ -74,6 +74,11 @@ pub(crate) struct Warnings(pub(crate) Vec<Warning>);
 const MAX_WARNINGS: usize = 64;
 
 impl Warnings {
+    /// The first one that is meant.
+    pub(crate) fn find(&self, is_meant: impl Fn(&str) -> bool) -> Option<&Warning> {
+        self.0.iter().find(|w| is_meant(&w.message))
+    }
+
     /// Counts `count` more occurrences of `message`; nothing for zero.
     pub(crate) fn add(&mut self, message: &str, count: u64) {
         if count == 0 {

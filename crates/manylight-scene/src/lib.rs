@@ -40,6 +40,8 @@ pub struct Shot {
     pub settings: serde_json::Map<String, serde_json::Value>,
     /// Oddities that were repaired or left out.
     pub warnings: Vec<Warning>,
+    /// The file it was loaded from, and all that this one names; none where it is built in.
+    pub files: Vec<std::path::PathBuf>,
 }
 
 impl Shot {

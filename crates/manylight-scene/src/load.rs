@@ -1,6 +1,6 @@
 //! From a name to a [`Shot`]: which format, which scene, which camera, which lights.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::{Affine3A, Vec3};
 use serde_json::{Map, Value};
@@ -34,16 +34,17 @@ pub fn load(path: &str) -> Result<Shot, Error> {
         return find_builtin(path, name);
     }
     let folder = Path::new(path).parent();
+    let mut files = vec![PathBuf::from(path)];
     let bytes = gltf::read_file(Path::new(path))?;
     match identify(path, &bytes)? {
         Content::Scene => {
             let mut warnings = Warnings::default();
-            let scene = gltf::load_scene(path, &bytes, folder, &mut warnings)?;
-            finish_bare(scene, warnings)
+            let scene = gltf::load_scene(path, &bytes, folder, &mut files, &mut warnings)?;
+            finish_bare(scene, files, warnings)
         }
         Content::Shot(value) => {
             let file = shot::parse_shot(&Item::root(path, &value))?;
-            build_shot(path, file, folder)
+            build_shot(path, file, files, folder)
         }
     }
 }
@@ -54,8 +55,8 @@ pub fn load(path: &str) -> Result<Shot, Error> {
 /// Errors: as [`load`].
 pub fn load_gltf_bytes(name: &str, bytes: &[u8]) -> Result<Shot, Error> {
     let mut warnings = Warnings::default();
-    let scene = gltf::load_scene(name, bytes, None, &mut warnings)?;
-    finish_bare(scene, warnings)
+    let scene = gltf::load_scene(name, bytes, None, &mut Vec::new(), &mut warnings)?;
+    finish_bare(scene, Vec::new(), warnings)
 }
 
 enum Content {
@@ -94,8 +95,12 @@ fn find_builtin(place: &str, name: &str) -> Result<Shot, Error> {
 }
 
 /// A scene without a shot file: its own camera and lights, or ours.
-fn finish_bare(mut scene: Scene, mut warnings: Warnings) -> Result<Shot, Error> {
-    validate::check_geometry(&scene)?;
+fn finish_bare(
+    mut scene: Scene,
+    files: Vec<PathBuf>,
+    mut warnings: Warnings,
+) -> Result<Shot, Error> {
+    validate::check_geometry(&scene, &warnings)?;
     if !validate::shines(&scene) {
         let irradiance = Vec3::splat(DEFAULT_SUN_IRRADIANCE);
         scene.lights.push(Light::Sun { direction: DEFAULT_SUN.normalize(), irradiance });
@@ -108,11 +113,17 @@ fn finish_bare(mut scene: Scene, mut warnings: Warnings) -> Result<Shot, Error> 
         path: CameraPath::default(),
         settings: Map::new(),
         warnings: warnings.0,
+        files,
     })
 }
 
 /// A shot file with its scene.
-fn build_shot(path: &str, file: ShotFile, folder: Option<&Path>) -> Result<Shot, Error> {
+fn build_shot(
+    path: &str,
+    file: ShotFile,
+    mut files: Vec<PathBuf>,
+    folder: Option<&Path>,
+) -> Result<Shot, Error> {
     let mut warnings = Warnings::default();
     let beside = |name: &str| folder.unwrap_or(Path::new("")).join(name);
     let mut own_camera = None;
@@ -123,7 +134,7 @@ fn build_shot(path: &str, file: ShotFile, folder: Option<&Path>) -> Result<Shot,
             warnings.0 = shot.warnings;
             shot.scene
         }
-        None => load_shot_scene(path, &beside(&file.scene), &mut warnings)?,
+        None => load_shot_scene(path, &beside(&file.scene), &mut files, &mut warnings)?,
     };
     if let Some(lights) = file.lights {
         scene.lights.clear();
@@ -139,22 +150,30 @@ fn build_shot(path: &str, file: ShotFile, folder: Option<&Path>) -> Result<Shot,
                     let file = beside(&file);
                     let map = sky::load_sky_map(&file, rotation_rad, scale, &mut warnings)?;
                     scene.sky = Some(Sky::Map(map));
+                    files.push(file);
                 }
                 light => apply_light(&mut scene, light, &place)?,
             }
         }
     }
-    validate::check_geometry(&scene)?;
-    validate::check_light(&scene, path)?;
+    validate::check_geometry(&scene, &warnings)?;
+    validate::check_light(&scene, path, &warnings)?;
     let camera = match (&file.camera_name, file.camera.or(own_camera)) {
         (Some(name), _) => find_camera(&scene, name, &format!("{path}: camera"))?.clone(),
         (None, Some(camera)) => camera,
         (None, None) => choose_camera(&scene, &mut warnings)?,
     };
-    Ok(Shot { scene, camera, path: file.path, settings: file.settings, warnings: warnings.0 })
+    let (path, settings) = (file.path, file.settings);
+    Ok(Shot { scene, camera, path, settings, warnings: warnings.0, files })
 }
 
-fn load_shot_scene(shot: &str, path: &Path, warnings: &mut Warnings) -> Result<Scene, Error> {
+fn load_shot_scene(
+    shot: &str,
+    path: &Path,
+    files: &mut Vec<PathBuf>,
+    warnings: &mut Warnings,
+) -> Result<Scene, Error> {
+    files.push(path.to_owned());
     let name = path.display().to_string();
     let bytes = gltf::read_file(path).map_err(|e| match e {
         Error::Read { path, reason } => Error::invalid(
@@ -164,7 +183,7 @@ fn load_shot_scene(shot: &str, path: &Path, warnings: &mut Warnings) -> Result<S
         other => other,
     })?;
     match identify(&name, &bytes)? {
-        Content::Scene => gltf::load_scene(&name, &bytes, path.parent(), warnings),
+        Content::Scene => gltf::load_scene(&name, &bytes, path.parent(), files, warnings),
         Content::Shot(_) => Err(Error::invalid(
             &format!("{shot}: scene"),
             format!("{name} is not glTF; name a .glb or .gltf file, or builtin:NAME"),
@@ -310,7 +329,9 @@ fn frame_camera(scene: &Scene) -> Option<Camera> {
     }
     let center = (min + max) / 2.0;
     let vfov_rad = FRAMED_VFOV_DEG.to_radians();
-    let distance = ((max - min).length() / 2.0).max(1e-3) / (vfov_rad / 2.0).sin();
+    // Far enough to be another place than the middle in single precision.
+    let least = center.abs().max_element().max(f32::MIN_POSITIVE) * 1e-5;
+    let distance = ((max - min).length() / 2.0).max(least) / (vfov_rad / 2.0).sin();
     let position = center + FRAMED_FROM.normalize() * distance;
     Camera::look_at(position, center, Vec3::Y, vfov_rad)
 }

@@ -48,9 +48,9 @@ pub struct Mesh {
 }
 
 impl Mesh {
-    /// Largest absolute coordinate and 1, metres.
-    pub(crate) fn max_coordinate(&self) -> f32 {
-        self.positions.iter().fold(1.0, |a, p| a.max(p.abs().max_element()))
+    /// Largest absolute coordinate along each axis, metres.
+    pub(crate) fn reach(&self) -> Vec3 {
+        self.positions.iter().fold(Vec3::ZERO, |reach, p| reach.max(p.abs()))
     }
 }
 

@@ -7,6 +7,7 @@ use glam::Vec3;
 use serde_json::{Map, Value};
 
 use crate::json::{self, Item};
+use crate::validate::MAX_COORDINATE;
 use crate::{Camera, CameraKey, CameraPath, Error, Light};
 
 /// Share of `cone_deg` at which a spot begins to fade where `inner_deg` is not stated.
@@ -15,7 +16,7 @@ const DEFAULT_INNER_SHARE: f32 = 0.75;
 pub const MAX_PIXELS: usize = 1 << 28;
 /// Largest picture side, pixels.
 const MAX_SIDE_PX: usize = 65536;
-/// Largest light value or coordinate that a shot may state.
+/// Largest light value that a shot may state.
 const MAX_VALUE: f32 = 1e15;
 
 /// What a shot file says, before its scene is loaded.
@@ -266,6 +267,10 @@ fn parse_area(item: &Item<'_>) -> Result<ShotLight, Error> {
     if normal.length() < 1e-18 || edge_u.cross(edge_v).try_normalize().is_none() {
         return Err(item.fail("edge_u and edge_v span no area; make them different directions"));
     }
+    let corners = [corner + edge_u, corner + edge_v, corner + edge_u + edge_v];
+    if corners.iter().any(|p| p.abs().max_element() > MAX_COORDINATE) {
+        return Err(out_of_reach(item));
+    }
     let radiance = parse_radiometric(&item.required("radiance")?)?;
     Ok(ShotLight::Area { corner, edge_u, edge_v, radiance })
 }
@@ -301,10 +306,14 @@ fn parse_sky(item: &Item<'_>) -> Result<ShotLight, Error> {
 /// A position or edge within reach.
 fn parse_point(item: &Item<'_>) -> Result<Vec3, Error> {
     let p = item.vec3()?;
-    match p.abs().max_element() <= MAX_VALUE {
+    match p.abs().max_element() <= MAX_COORDINATE {
         true => Ok(p),
-        false => Err(item.fail(format!("coordinates beyond ±{MAX_VALUE:e}; use metres"))),
+        false => Err(out_of_reach(item)),
     }
+}
+
+fn out_of_reach(item: &Item<'_>) -> Error {
+    item.fail(format!("coordinates beyond ±{MAX_COORDINATE:e} m; move it nearer"))
 }
 
 /// A unit vector.

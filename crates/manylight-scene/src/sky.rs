@@ -15,6 +15,8 @@ use crate::{Error, SkyMap};
 
 const MAX_SIDE: usize = 32768;
 const MAX_TEXELS: usize = 1 << 27;
+/// Most numbers of a map, over all its channels: four for each texel of the largest.
+const MAX_VALUES: usize = 1 << 29;
 /// Brightest texel, emission, intensity or irradiance kept; sums and squares of it stay finite.
 pub(crate) const MAX_RADIANCE: f32 = 1e15;
 
@@ -61,11 +63,25 @@ fn check_size(name: &str, width: usize, height: usize) -> Result<(), Error> {
     Ok(())
 }
 
+/// Blocks are unpacked with all their channels, whichever are wanted.
+fn check_values(name: &str, size: ex::Vec2<usize>, channels: usize) -> Result<(), Error> {
+    if size.area().saturating_mul(channels) > MAX_VALUES {
+        let ex::Vec2(width, height) = size;
+        let problem = format!(
+            "a map of {width} × {height} texels with {channels} channels; at most {MAX_VALUES} \
+             numbers are read: save R, G and B alone"
+        );
+        return Err(Error::invalid(name, problem));
+    }
+    Ok(())
+}
+
 type Texels = ([usize; 2], Vec<Vec3>);
 
 fn decode_hdr(name: &str, bytes: &[u8]) -> Result<Texels, Error> {
     let broken = |e: image::ImageError| {
-        Error::invalid(name, format!("the map cannot be decoded: {e}; save it again"))
+        let reason = crate::gltf::describe_error(&e);
+        Error::invalid(name, format!("the map cannot be decoded: {reason}; save it again"))
     };
     let reader = ImageReader::with_format(Cursor::new(bytes), ImageFormat::Hdr);
     let decoder = reader.into_decoder().map_err(broken)?;
@@ -84,9 +100,12 @@ fn decode_exr(name: &str, bytes: &[u8]) -> Result<Texels, Error> {
     let meta =
         exr::meta::MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(broken)?;
     for header in &meta.headers {
+        let channels = header.channels.list.len();
         check_size(name, header.layer_size.0, header.layer_size.1)?;
+        check_values(name, header.layer_size, channels)?;
         if let exr::meta::BlockDescription::Tiles(tiles) = header.blocks {
             check_size(name, tiles.tile_size.0, tiles.tile_size.1)?;
+            check_values(name, tiles.tile_size, channels)?;
         }
         // The decoder's arithmetic overflows on damaged blocks of this kind.
         if matches!(header.compression, ex::Compression::B44 | ex::Compression::B44A) {

@@ -2,19 +2,35 @@
 
 use glam::Vec3;
 
+use crate::error::Warnings;
 use crate::{Error, Light, Scene, Sky};
+
+/// Largest coordinate, edge or matrix entry that is kept, metres.
+///
+/// Renderers take squares of distances to the fourth power in single precision, which is finite up
+/// to about three times as much.
+pub(crate) const MAX_COORDINATE: f32 = 1e9;
+
+/// What warnings of things beyond that say.
+pub(crate) const OUT_OF_REACH: &str = "coordinates not finite or beyond 1e9 m";
 
 /// Most triangles over all instances; renderers number them with 32 bits.
 const MAX_TRIANGLES: u64 = 1 << 31;
 
 /// Refuses scenes without triangles and with more than can be numbered.
-pub(crate) fn check_geometry(scene: &Scene) -> Result<(), Error> {
+pub(crate) fn check_geometry(scene: &Scene, warnings: &Warnings) -> Result<(), Error> {
     let triangle_count = scene.triangle_count();
     if triangle_count == 0 {
-        return Err(Error::invalid(
-            &scene.name,
-            "the scene has no triangles to show; put a mesh with an area into its shown scene",
-        ));
+        let is_lost = |message: &str| {
+            let is_geometry = message.starts_with("a triangle") || message.starts_with("a mesh");
+            is_geometry && message.contains(OUT_OF_REACH)
+        };
+        let advice = match warnings.find(is_lost) {
+            Some(lost) => format!(": {lost}; move it nearer or scale it down"),
+            None => "; put a mesh with an area into its shown scene".to_owned(),
+        };
+        let problem = format!("the scene has no triangles to show{advice}");
+        return Err(Error::invalid(&scene.name, problem));
     }
     if triangle_count > MAX_TRIANGLES {
         return Err(Error::invalid(
@@ -49,13 +65,17 @@ pub(crate) fn shines(scene: &Scene) -> bool {
 }
 
 /// Refuses a shot in which nothing shines.
-pub(crate) fn check_light(scene: &Scene, place: &str) -> Result<(), Error> {
-    match shines(scene) {
-        true => Ok(()),
-        false => Err(Error::invalid(
-            place,
-            "nothing shines in this shot; add a light to `lights`, e.g. {\"type\": \"sky\", \
-             \"radiance\": [1, 1, 1]}",
-        )),
+pub(crate) fn check_light(scene: &Scene, place: &str, warnings: &Warnings) -> Result<(), Error> {
+    if shines(scene) {
+        return Ok(());
     }
+    let lost = warnings.find(|message| message.starts_with("a light"));
+    let lost = lost.map_or(String::new(), |lost| format!(": {lost}"));
+    Err(Error::invalid(
+        place,
+        format!(
+            "nothing shines in this shot{lost}; add a light to `lights`, e.g. {{\"type\": \
+             \"sky\", \"radiance\": [1, 1, 1]}}"
+        ),
+    ))
 }

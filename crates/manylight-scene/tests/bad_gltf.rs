@@ -238,13 +238,29 @@ fn small_files_cannot_ask_for_large_scenes() {
     let primitive = json!({"attributes": {"POSITION": 0}, "indices": corners});
     glb.json["meshes"][0]["primitives"] = json!(vec![primitive; 20_000]);
     assert_refused("sparse values", glb.try_load(), "bytes of geometry are far beyond");
-    // Many images of one small file.
-    let mut glb = Glb::triangle();
-    let view = glb.view(&encode_png(4096, 4096, &vec![0; 1 << 26]));
-    glb.json["images"] = json!(vec![json!({"bufferView": view}); 24]);
-    glb.json["textures"] = (0..24).map(|i| json!({"source": i})).collect();
-    glb.json["materials"] = (0..24).map(|i| json!({"normalTexture": {"index": i}})).collect();
+    // Many images of one small file, large when they are decoded.
+    let glb = overlapping_images(&encode_png(4096, 4096, &vec![0; 1 << 26]), 24);
     assert_refused("copied images", glb.try_load(), "bytes of images are far beyond");
+    // Many images of one large file, small when they are decoded.
+    let mut png = encode_png(1, 1, &[0; 4]);
+    png.resize(1 << 23, 0);
+    let glb = overlapping_images(&png, 24);
+    assert_refused("encoded images", glb.try_load(), "bytes of images to decode are far beyond");
+    // Many nodes with a skin that all look at many primitives, to leave them out.
+    let mut glb = Glb::triangle();
+    let points = json!({"attributes": {}, "mode": 0});
+    glb.push("meshes", json!({"primitives": vec![points; 1500]}));
+    glb.json["skins"] = json!([{"joints": [0]}]);
+    let nodes = std::iter::once(json!({"mesh": 0}));
+    glb.json["nodes"] = nodes.chain(vec![json!({"mesh": 1, "skin": 0}); 1500]).collect();
+    glb.json["scenes"][0]["nodes"] = (0..1501).collect();
+    assert_refused("skipped primitives", glb.try_load(), "bytes of geometry are far beyond");
+    // Many skins of many joints.
+    let mut glb = Glb::triangle();
+    glb.json["skins"] = json!(vec![json!({"joints": vec![0; 100_000]}); 24]);
+    glb.json["nodes"] = (0..24).map(|i| json!({"mesh": 0, "skin": i})).collect();
+    glb.json["scenes"][0]["nodes"] = (0..24).collect();
+    assert_refused("joints", glb.try_load(), "bytes of geometry are far beyond");
     // A chain of nodes deeper than the limit.
     let mut glb = Glb::triangle();
     let chain = (0..5000).map(|i| json!({"children": [i + 1]}));
@@ -261,11 +277,34 @@ fn small_files_cannot_ask_for_large_scenes() {
     assert_refused("joint", glb.try_load(), "joint 9");
 }
 
+/// Materials whose images lie in views of different lengths over the same bytes.
+fn overlapping_images(png: &[u8], count: usize) -> Glb {
+    let mut glb = Glb::triangle();
+    let first = glb.view(&[png, &vec![0; count]].concat());
+    for i in 0..count {
+        let mut view = glb.json["bufferViews"][first].clone();
+        view["byteLength"] = json!(png.len() + i);
+        let view = glb.push("bufferViews", view);
+        glb.push("images", json!({"bufferView": view}));
+        glb.push("textures", json!({"source": i}));
+        glb.push("materials", json!({"normalTexture": {"index": i}}));
+    }
+    glb
+}
+
 #[test]
 fn geometry_without_use_is_refused() {
-    for positions in [[f32::NAN; 9], [f32::INFINITY; 9], [0.0; 9], [3e38; 9]] {
-        assert_refused("positions", Glb::with_positions(&positions).try_load(), "no triangles");
+    let far = "no triangles to show: a triangle with coordinates not finite or beyond 1e9 m";
+    let mut large = TRIANGLE.map(|x| x * 2e9);
+    let flat = ([0.0; 9], "no triangles to show; put a mesh");
+    for (positions, fragment) in
+        [([f32::NAN; 9], far), ([f32::INFINITY; 9], far), ([3e38; 9], far), (large, far), flat]
+    {
+        assert_refused("positions", Glb::with_positions(&positions).try_load(), fragment);
     }
+    large[3] = 1e9;
+    large[7] = 1e9;
+    assert!(Glb::with_positions(&large).try_load().is_ok());
 }
 
 #[test]
@@ -291,6 +330,8 @@ fn broken_images_are_refused() {
         ("large", resized(16384, 16384), "at most"),
         ("huge", resized(0x7fff_ffff, 0x7fff_ffff), "images[0]"),
         ("jpeg head", vec![0xff, 0xd8, 0xff, 0xe0, 0, 16], "cannot be decoded"),
+        ("no chunks", [&good[..8], &[b'x'; 100]].concat(), "decoded: its bytes are damaged; save"),
+        ("jpeg marker", [&[0xff, 0xd8, 0xff, 0xe0], &[0; 50][..]].concat(), "decoded: it"),
     ];
     for (case, bytes, fragment) in cases {
         let mut glb = Glb::triangle();

@@ -4,7 +4,7 @@ mod support;
 
 use glam::{Vec2, Vec3, Vec4, vec2, vec3, vec4};
 use manylight_scene::{AlphaMode, Light, Projection, Shot, Sky, Wrap};
-use serde_json::json;
+use serde_json::{Value, json};
 use support::*;
 
 /// World positions of the first instance's first triangle.
@@ -352,7 +352,7 @@ fn unusable_geometry_is_dropped_and_counted() {
     let mesh = &shot.scene.meshes[0];
     assert_eq!(mesh.triangles, [[0, 1, 2]]);
     assert!(mesh.positions.iter().all(|p| p.is_finite()));
-    assert_eq!(count_warnings(&shot, "not finite or beyond 1e15"), 1);
+    assert_eq!(count_warnings(&shot, "not finite or beyond 1e9 m"), 1);
     assert_eq!(count_warnings(&shot, "without area"), 1);
     assert_eq!(mesh.uvs[0], [Vec2::ZERO; 9]);
     assert_eq!(mesh.colors, [Vec4::ONE; 9]);
@@ -366,4 +366,62 @@ fn far_placements_are_left_out_and_counted() {
     let shot = glb.load();
     assert_eq!(shot.scene.instances.len(), 1);
     assert_eq!(count_warnings(&shot, "left out"), 1);
+    // What counts is where the mesh ends up.
+    let mut glb = Glb::with_positions(&TRIANGLE.map(|x| x * 1e5));
+    glb.json["nodes"][0]["translation"] = json!([9e8, 0, 0]);
+    assert_eq!(glb.load().scene.instances.len(), 1);
+    glb.json["nodes"][0]["scale"] = json!([2e4, 1, 1]);
+    let message = glb.try_load().unwrap_err().to_string();
+    assert!(message.contains("no triangles to show: a mesh placed at"), "{message}");
+}
+
+#[test]
+fn far_lights_and_cameras_are_left_out_and_counted() {
+    let mut glb = Glb::triangle();
+    glb.json["extensions"] = json!({"KHR_lights_punctual": {"lights": [
+        {"type": "point"}, {"type": "spot"}, {"type": "directional"}]}});
+    let camera = |kind: &str, key: &str| json!({"type": kind, kind: {key: 1}});
+    let wide = json!({"type": "orthographic", "orthographic": {"ymag": 1e30}});
+    glb.json["cameras"] =
+        json!([camera("perspective", "yfov"), camera("orthographic", "ymag"), wide]);
+    let far = |carried: Value, x: f64| {
+        let mut node = json!({"translation": [0, x, 0]});
+        node.as_object_mut().unwrap().append(carried.clone().as_object_mut().unwrap());
+        node
+    };
+    let light = |i: usize| json!({"extensions": {"KHR_lights_punctual": {"light": i}}});
+    let nodes = (0..3).flat_map(|i| [1e20, 2e9, 1e9].map(|x| far(light(i), x)));
+    let cameras = (0..2).flat_map(|i| [1e20, 1e9].map(|x| far(json!({"camera": i}), x)));
+    let nodes: Vec<_> =
+        nodes.chain(cameras).chain([json!({"mesh": 0}), json!({"camera": 2})]).collect();
+    glb.json["scenes"][0]["nodes"] = (0..nodes.len()).collect();
+    glb.json["nodes"] = json!(nodes);
+    let shot = glb.load();
+    assert_eq!(shot.scene.lights.len(), 5, "suns have no place");
+    assert_eq!(count_warnings(&shot, "a light at coordinates"), 4);
+    assert_eq!(shot.scene.cameras.len(), 2);
+    assert_eq!(count_warnings(&shot, "a camera at coordinates"), 2);
+    assert_eq!(count_warnings(&shot, "impossible angle or size"), 1);
+}
+
+#[test]
+fn small_scenes_are_framed() {
+    for scale in [1e6, 1.0, 1e-4, 1e-9] {
+        let shot = Glb::with_positions(&TRIANGLE.map(|x| x * scale)).load();
+        let to_middle = vec3(0.5, 0.5, 0.0) * scale - shot.camera.position;
+        assert!(to_middle.length() < 3.0 * scale, "{scale}: {to_middle}");
+    }
+    // A speck far away: another place in single precision.
+    let shot = Glb::with_positions(&TRIANGLE.map(|x| 1e3 + x * 1e-3)).load();
+    assert!(shot.camera.position.distance(vec3(1e3, 1e3, 1e3)) > 1e-3);
+}
+
+#[test]
+fn images_that_share_bytes_are_decoded_once() {
+    let mut glb = Glb::triangle();
+    let view = glb.view(&encode_png(2, 2, &[7; 16]));
+    glb.json["images"] = json!(vec![json!({"bufferView": view}); 3]);
+    glb.json["textures"] = (0..3).map(|i| json!({"source": i})).collect();
+    glb.json["materials"] = (0..3).map(|i| json!({"normalTexture": {"index": i}})).collect();
+    assert_eq!(glb.load().scene.images.len(), 1);
 }

@@ -161,6 +161,79 @@ fn sky_maps_are_scaled_and_turned() {
     }
 }
 
+/// An OpenEXR file of 32768 × 32 texels with PIZ compression, and next to no bytes of them.
+fn wide_exr(channels: usize) -> Vec<u8> {
+    let attribute = |name: &str, kind: &str, value: &[u8]| {
+        let length = (value.len() as u32).to_le_bytes();
+        [name.as_bytes(), b"\0", kind.as_bytes(), b"\0", &length, value].concat()
+    };
+    let mut names: Vec<String> = (3..channels).map(|i| format!("c{i:06}")).collect();
+    names.extend(["B", "G", "R"].map(str::to_owned));
+    names.sort();
+    let channel = |name: &String| {
+        [name.as_bytes(), &[0, 2, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0]].concat()
+    };
+    let list = [names.iter().flat_map(channel).collect(), vec![0]].concat();
+    let window = [0, 0, 32767, 31_i32].map(i32::to_le_bytes).concat();
+    let one = 1_f32.to_le_bytes();
+    let mut bytes = [
+        vec![0x76, 0x2f, 0x31, 0x01, 2, 0, 0, 0],
+        attribute("channels", "chlist", &list),
+        attribute("compression", "compression", &[4]),
+        attribute("dataWindow", "box2i", &window),
+        attribute("displayWindow", "box2i", &window),
+        attribute("lineOrder", "lineOrder", &[0]),
+        attribute("pixelAspectRatio", "float", &one),
+        attribute("screenWindowCenter", "v2f", &[0; 8]),
+        attribute("screenWindowWidth", "float", &one),
+        vec![0],
+    ]
+    .concat();
+    let place = bytes.len() as u64 + 8;
+    bytes.extend(place.to_le_bytes());
+    bytes.extend([0, 100].map(i32::to_le_bytes).concat());
+    bytes.resize(bytes.len() + 100, 0);
+    bytes
+}
+
+#[test]
+fn sky_maps_of_many_channels_are_refused_before_they_are_unpacked() {
+    let folder = make_folder("many_channels");
+    for (channels, fragment) in [(4003, "with 4003 channels; at most"), (3, "cannot be decoded")] {
+        std::fs::write(folder.join("wide.exr"), wide_exr(channels)).unwrap();
+        let light = json!({"type": "sky", "map": "wide.exr"});
+        let text = json!({"scene": "t.glb", "lights": [light]}).to_string();
+        let message = load_text(&folder, "shot.json", &text).unwrap_err().to_string();
+        assert!(message.contains(fragment), "{message}");
+    }
+}
+
+#[test]
+fn a_shot_knows_its_files() {
+    let folder = make_folder("files");
+    let mut glb = Glb::triangle();
+    glb.json["images"] = json!([{"uri": "not%20used.png"}, {"uri": "data:;base64,"}]);
+    std::fs::write(folder.join("t.glb"), glb.bytes()).unwrap();
+    exr::prelude::write_rgb_file(folder.join("sky.exr"), 1, 1, |_, _| (1.0, 1.0, 1.0)).unwrap();
+    let text = r#"{"scene": "t.glb", "lights": [{"type": "sky", "map": "sky.exr"}]}"#;
+    let shot = load_text(&folder, "shot.json", text).unwrap();
+    let expected = ["shot.json", "t.glb", "not used.png", "sky.exr"].map(|name| folder.join(name));
+    assert_eq!(shot.files, expected);
+}
+
+#[test]
+fn lost_lights_are_the_reason_why_nothing_shines() {
+    let folder = make_folder("lost_lights");
+    let mut glb = Glb::triangle();
+    glb.json["extensions"] = json!({"KHR_lights_punctual": {"lights": [{"type": "point"}]}});
+    let light = json!({"KHR_lights_punctual": {"light": 0}});
+    glb.json["nodes"] = json!([{"mesh": 0}, {"translation": [0, 1e20, 0], "extensions": light}]);
+    glb.json["scenes"][0]["nodes"] = json!([0, 1]);
+    std::fs::write(folder.join("t.glb"), glb.bytes()).unwrap();
+    let message = load_text(&folder, "shot.json", r#"{"scene": "t.glb"}"#).unwrap_err().to_string();
+    assert!(message.contains("nothing shines in this shot: a light at coordinates"), "{message}");
+}
+
 #[test]
 fn wrong_fields_are_refused_with_their_place() {
     let folder = make_folder("wrong_fields");
@@ -183,7 +256,8 @@ fn wrong_fields_are_refused_with_their_place() {
         ("/camera/position", json!([0, 2]), "3 finite numbers"),
         ("/camera/position", json!([0, "2", 0]), "camera.position[1]"),
         ("/camera/position", json!([0, 1e200, 0]), "single precision"),
-        ("/camera/position", json!([0, 1e30, 0]), "beyond"),
+        ("/camera/position", json!([0, 1e30, 0]), "coordinates beyond ±1e9 m"),
+        ("/camera/position", json!([0, 2e9, 0]), "coordinates beyond ±1e9 m"),
         ("/camera/target", json!([0, 2, 0]), "span no frame"),
         ("/camera/up", json!([1, 0, 0]), "span no frame"),
         ("/camera/up", json!([0, 0, 0]), "span no frame"),
@@ -221,6 +295,13 @@ fn wrong_fields_are_refused_with_their_place() {
         ("/lights/2/inner_deg", json!(41), "up to cone_deg 40"),
         ("/lights/2/inner_deg", json!(-1), "above 0"),
         ("/lights/3/edge_v", json!([2, 0, 0]), "span no area"),
+        ("/lights/3/edge_v", json!([0, 0, 2e9]), "lights[3].edge_v: coordinates beyond"),
+        (
+            "/lights/3",
+            json!({"type": "area", "corner": [0, 0, 0], "edge_u": [1e9, 0, 0],
+                "edge_v": [1e9, 0, 1e9], "radiance": [1, 1, 1]}),
+            "lights[3]: coordinates beyond",
+        ),
         ("/lights/3/radiance", Value::Null, "`radiance` is missing"),
         ("/lights/4/map", json!("sky.hdr"), "either `radiance` or `map`"),
         ("/lights/4/scale", json!(1), "lights[4].scale: unknown key"),

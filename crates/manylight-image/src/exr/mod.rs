@@ -10,7 +10,6 @@ mod order;
 
 pub(crate) use layers::replicate;
 
-use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
@@ -25,6 +24,7 @@ use ::exr::prelude::{
 use order::Remember;
 
 use crate::error::{check_raster, check_size};
+use crate::read::open;
 use crate::{Error, LayeredImage, Raster, write_atomic};
 
 const FORMAT: &str = "OpenEXR";
@@ -102,7 +102,7 @@ pub fn write_exr(image: &LayeredImage, path: &Path) -> Result<(), Error> {
 /// Errors: `Decode` on damaged, deep or empty files, `TooLarge` before anything is allocated.
 pub fn read_exr(path: &Path) -> Result<LayeredImage, Error> {
     let decode = |error: ::exr::error::Error| Error::decode(path, FORMAT, error);
-    let file = File::open(path).map_err(|source| Error::read(path, source))?;
+    let file = open(path)?;
     let reader = ::exr::block::read(BufReader::new(file), false).map_err(decode)?;
     check_headers(path, reader.headers())?;
 

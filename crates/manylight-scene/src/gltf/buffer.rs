@@ -4,8 +4,12 @@
 //! Limits: every count is compared with the bytes that exist before anything is allocated.
 
 use std::collections::HashMap;
-use std::path::Path;
+use std::ffi::OsString;
+use std::io::Read;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
+
+use serde_json::Value;
 
 use super::{Budget, Document};
 use crate::Error;
@@ -41,8 +45,8 @@ impl std::ops::Deref for Bytes<'_> {
 pub(crate) struct Resolver<'a> {
     /// Folder of the glTF file; `None` where only bytes were given.
     pub(crate) folder: Option<&'a Path>,
-    /// What was read already.
-    known: HashMap<String, Arc<Vec<u8>>>,
+    /// What was read already, by `data:` URI or path.
+    known: HashMap<OsString, Arc<Vec<u8>>>,
     /// Bytes read so far.
     pub(crate) byte_count: u64,
 }
@@ -56,22 +60,37 @@ impl<'a> Resolver<'a> {
     /// The bytes behind a URI: `data:` or a relative file.
     pub(crate) fn resolve(&mut self, uri: &Item<'_>) -> Result<Arc<Vec<u8>>, Error> {
         let text = uri.text()?;
-        if let Some(bytes) = self.known.get(text) {
+        let encoded = text.strip_prefix("data:");
+        let key = match encoded {
+            Some(_) => OsString::from(text),
+            None => {
+                let path = self.find_relative(uri, text)?;
+                // One file under many names is one file.
+                path.canonicalize().unwrap_or(path).into_os_string()
+            }
+        };
+        if let Some(bytes) = self.known.get(&key) {
             return Ok(bytes.clone());
         }
-        let bytes = match text.strip_prefix("data:") {
+        let bytes = match encoded {
             Some(rest) => decode_data_uri(rest).ok_or_else(|| {
                 uri.fail("data: URI that is not base64; allowed: data:<type>;base64,<characters>")
             })?,
-            None => self.read_relative(uri, text)?,
+            None => read_file(Path::new(&key)).map_err(|e| {
+                let reason = match e {
+                    Error::Read { reason, .. } | Error::Invalid { problem: reason, .. } => reason,
+                };
+                let shown: String = text.chars().take(80).collect();
+                uri.fail(format!("cannot read \"{shown}\": {reason}"))
+            })?,
         };
         self.byte_count += bytes.len() as u64;
         let bytes = Arc::new(bytes);
-        self.known.insert(text.to_owned(), bytes.clone());
+        self.known.insert(key, bytes.clone());
         Ok(bytes)
     }
 
-    fn read_relative(&self, uri: &Item<'_>, text: &str) -> Result<Vec<u8>, Error> {
+    fn find_relative(&self, uri: &Item<'_>, text: &str) -> Result<PathBuf, Error> {
         let shown: String = text.chars().take(80).collect();
         let path = percent_decode(text);
         let path = Path::new(&path);
@@ -85,13 +104,16 @@ impl<'a> Resolver<'a> {
                 "external file \"{shown}\" cannot be reached from bytes alone; embed it (.glb)"
             ))
         })?;
-        read_file(&folder.join(path)).map_err(|e| {
-            let reason = match e {
-                Error::Read { reason, .. } | Error::Invalid { problem: reason, .. } => reason,
-            };
-            uri.fail(format!("cannot read \"{shown}\": {reason}"))
-        })
+        Ok(folder.join(path))
     }
+}
+
+/// The files that buffers and images name, whether they are used or not.
+pub(crate) fn list_files(root: &Value, folder: &Path) -> Vec<PathBuf> {
+    let lists = ["buffers", "images"].into_iter().filter_map(|key| root.get(key)?.as_array());
+    let uris = lists.flatten().filter_map(|entry| entry.get("uri")?.as_str());
+    let files = uris.filter(|uri| !uri.starts_with("data:"));
+    files.map(|uri| folder.join(percent_decode(uri))).collect()
 }
 
 /// The bytes of a regular file of reasonable size.
@@ -110,7 +132,13 @@ pub(crate) fn read_file(path: &Path) -> Result<Vec<u8>, Error> {
         let reason = format!("{} bytes; at most {MAX_FILE_BYTES} are read", meta.len());
         return Err(Error::read(&name, reason));
     }
-    std::fs::read(path).map_err(unreadable)
+    // No more than there is: files of the system that claim to be empty may wait for ever.
+    let mut bytes = Vec::new();
+    if meta.len() > 0 {
+        let file = std::fs::File::open(path).map_err(unreadable)?;
+        file.take(meta.len()).read_to_end(&mut bytes).map_err(unreadable)?;
+    }
+    Ok(bytes)
 }
 
 /// `<type>;base64,<characters>` → bytes.

@@ -6,9 +6,11 @@
 use glam::{DAffine3, DVec3, Vec3};
 
 use super::Document;
+use super::mesh::shorten;
 use crate::error::Warnings;
 use crate::json::Item;
 use crate::sky::MAX_RADIANCE;
+use crate::validate::{MAX_COORDINATE, OUT_OF_REACH};
 use crate::{Camera, Error, Light, Projection, Sky};
 
 /// The light a node carries, shining along its −Z; `None` with a warning if unusable.
@@ -31,7 +33,11 @@ pub(crate) fn load_light(
     let axis = -world_from_node.matrix3.z_axis;
     let direction = axis.try_normalize().map(|d| d.as_vec3()).filter(|d| d.is_finite());
     let kind_text = kind.text()?;
-    if !position.is_finite() || (direction.is_none() && kind_text != "point") {
+    if !is_in_reach(position) && kind_text != "directional" {
+        warnings.add(&format!("a light at {OUT_OF_REACH} is left out"), 1);
+        return Ok(None);
+    }
+    if direction.is_none() && kind_text != "point" {
         warnings.add("a light whose node has a singular transform is left out", 1);
         return Ok(None);
     }
@@ -48,6 +54,10 @@ pub(crate) fn load_light(
             return Err(kind.fail(format!("\"{other}\"; allowed: directional, point, spot")));
         }
     }))
+}
+
+fn is_in_reach(position: Vec3) -> bool {
+    position.abs().cmple(Vec3::splat(MAX_COORDINATE)).all()
 }
 
 fn find_light<'a>(doc: &Document<'a>, reference: &Item<'_>) -> Result<Option<Item<'a>>, Error> {
@@ -95,7 +105,8 @@ pub(crate) fn load_camera(
         }
         "orthographic" => {
             let half_height = item.required("orthographic")?.required("ymag")?.single()?.abs();
-            (half_height > 0.0).then_some(Projection::Orthographic { half_height })
+            let usable = half_height > 0.0 && half_height <= MAX_COORDINATE;
+            usable.then_some(Projection::Orthographic { half_height })
         }
         other => {
             return Err(kind.fail(format!("\"{other}\"; allowed: perspective, orthographic")));
@@ -114,8 +125,12 @@ pub(crate) fn load_camera(
         warnings.add("a camera whose node has a singular transform is left out", 1);
         return Ok(None);
     };
+    if !is_in_reach(camera.position) {
+        warnings.add(&format!("a camera at {OUT_OF_REACH} is left out"), 1);
+        return Ok(None);
+    }
     camera.projection = projection;
-    camera.name = name.to_owned();
+    camera.name = shorten(name).to_owned();
     Ok(Some(camera))
 }
 
@@ -124,7 +139,7 @@ fn place_camera(world_from_node: &DAffine3) -> Option<Camera> {
     let up: DVec3 = world_from_node.matrix3.y_axis.try_normalize()?;
     let position = world_from_node.translation.as_vec3();
     let right = forward.cross(up);
-    if !position.is_finite() || right.length_squared() < 1e-12 {
+    if right.length_squared() < 1e-12 {
         return None;
     }
     let up = right.normalize().cross(forward).as_vec3();

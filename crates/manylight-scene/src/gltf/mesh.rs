@@ -6,15 +6,17 @@
 use glam::{DAffine3, DVec3, Vec2, Vec3, Vec4};
 
 use super::buffer::Accessor;
-use super::node::MAX_COORDINATE;
 use super::skin::{self, Pose, Weights};
 use super::{Budget, Document};
 use crate::error::Warnings;
 use crate::json::Item;
+use crate::validate::{MAX_COORDINATE, OUT_OF_REACH};
 use crate::{Error, Material, Mesh, Scene};
 
 /// Name of the material that glTF gives to primitives without one.
 const DEFAULT_MATERIAL: &str = "default material";
+/// Longest name of a mesh or camera that is kept, characters.
+const MAX_NAME_CHARS: usize = 200;
 
 /// Loads all primitives of a mesh; returns their indices in the scene.
 pub(crate) fn load_mesh(
@@ -27,9 +29,12 @@ pub(crate) fn load_mesh(
 ) -> Result<Vec<u32>, Error> {
     let (index, item) = doc.follow(reference, "meshes")?;
     let name = item.field("name")?.map_or(Ok(""), |n| n.text())?;
+    let name = shorten(name);
     let primitives = item.required("primitives")?.items()?;
     let mut out = Vec::new();
     for (p, primitive) in primitives.iter().enumerate() {
+        // Also where it is left out: nodes with skins come here again and again.
+        budget.take::<Mesh>(1, primitive)?;
         let mut label = if name.is_empty() { format!("mesh {index}") } else { name.to_owned() };
         if primitives.len() > 1 {
             label = format!("{label} primitive {p}");
@@ -48,6 +53,11 @@ pub(crate) fn load_mesh(
         scene.meshes.push(mesh);
     }
     Ok(out)
+}
+
+/// The start of a name that may be copied any number of times.
+pub(crate) fn shorten(name: &str) -> &str {
+    name.char_indices().nth(MAX_NAME_CHARS).map_or(name, |(end, _)| &name[..end])
 }
 
 /// The primitive's material, or glTF's default one, which is added when first needed.
@@ -279,8 +289,7 @@ fn drop_unusable(
         flat_count += u64::from(!has_area);
         has_area
     });
-    warnings
-        .add("a triangle with coordinates not finite or beyond 1e15 was dropped", infinite_count);
+    warnings.add(&format!("a triangle with {OUT_OF_REACH} was dropped"), infinite_count);
     warnings.add("a triangle without area was dropped", flat_count);
     triangles
 }

@@ -13,7 +13,7 @@ mod node;
 mod skin;
 mod texture;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
@@ -22,6 +22,7 @@ use crate::json::{self, Item};
 use crate::{Error, Scene};
 pub(crate) use buffer::read_file;
 use buffer::{Bytes, Resolver};
+pub(crate) use texture::describe_error;
 
 /// Extensions that are read.
 pub(crate) const SUPPORTED: &[&str] = &[
@@ -85,6 +86,7 @@ impl<'a> Document<'a> {
 pub(crate) struct Budget {
     geometry_bytes: u64,
     texel_bytes: u64,
+    encoded_bytes: u64,
 }
 
 impl Budget {
@@ -95,6 +97,7 @@ impl Budget {
             geometry_bytes: grown.saturating_add(1 << 28),
             // Dull textures are packed 200-fold; a single flat one may be more.
             texel_bytes: byte_count.saturating_mul(256).saturating_add(1 << 30).min(1 << 33),
+            encoded_bytes: byte_count.saturating_mul(4).saturating_add(1 << 26),
         }
     }
 
@@ -107,6 +110,11 @@ impl Budget {
     /// Takes decoded image bytes.
     pub(crate) fn take_texel_bytes(&mut self, n: u64, place: &Item<'_>) -> Result<(), Error> {
         take_bytes(&mut self.texel_bytes, n, "images", place)
+    }
+
+    /// Takes bytes of an image that is decoded.
+    pub(crate) fn take_encoded_bytes(&mut self, n: u64, place: &Item<'_>) -> Result<(), Error> {
+        take_bytes(&mut self.encoded_bytes, n, "images to decode", place)
     }
 }
 
@@ -125,11 +133,13 @@ pub(crate) fn is_glb(bytes: &[u8]) -> bool {
     bytes.starts_with(b"glTF")
 }
 
-/// Loads a scene from the bytes of a `.glb` or `.gltf` file; `folder` holds external files.
+/// Loads a scene from the bytes of a `.glb` or `.gltf` file; `folder` holds external files, which
+/// are added to `files`.
 pub(crate) fn load_scene(
     file: &str,
     bytes: &[u8],
     folder: Option<&Path>,
+    files: &mut Vec<PathBuf>,
     warnings: &mut Warnings,
 ) -> Result<Scene, Error> {
     let (json_bytes, bin) = if is_glb(bytes) { split_glb(file, bytes)? } else { (bytes, None) };
@@ -138,6 +148,7 @@ pub(crate) fn load_scene(
     root_item.map()?;
     check_version(&root_item)?;
     check_extensions(&root_item, warnings)?;
+    files.extend(folder.map_or(Vec::new(), |folder| buffer::list_files(&root, folder)));
     let mut resolver = Resolver::new(folder);
     let buffers = buffer::load_buffers(&root_item, bin, &mut resolver)?;
     let doc = Document { file, root: &root, buffers };

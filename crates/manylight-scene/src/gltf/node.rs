@@ -12,14 +12,11 @@ use super::buffer::Accessor;
 use super::{Budget, Document, light, mesh, skin};
 use crate::error::Warnings;
 use crate::json::Item;
+use crate::validate::{MAX_COORDINATE, OUT_OF_REACH};
 use crate::{Error, Instance, Scene};
 
 /// Deepest node hierarchy read.
 const MAX_DEPTH: u32 = 1024;
-
-/// Largest coordinate or matrix entry that is kept; its fourth power is a finite number in
-/// double precision and its square one in single precision.
-pub(crate) const MAX_COORDINATE: f32 = 1e15;
 
 /// Nodes with their places in the world.
 #[derive(Debug)]
@@ -133,8 +130,8 @@ pub(crate) fn load_nodes(
     // glTF mesh → its primitives in the scene; glTF skin → its pose.
     let mut known: HashMap<usize, Vec<u32>> = HashMap::new();
     let mut poses: HashMap<usize, skin::Pose> = HashMap::new();
-    // Largest coordinate of each scene mesh.
-    let mut bounds: Vec<f32> = Vec::new();
+    // How far each scene mesh reaches along its axes.
+    let mut bounds: Vec<Vec3> = Vec::new();
     for n in order {
         let node = &graph.nodes[n];
         let world_from_node = graph.world_from_node[n];
@@ -169,7 +166,7 @@ pub(crate) fn load_nodes(
             };
             (meshes.clone(), placements)
         };
-        bounds.extend(scene.meshes[bounds.len()..].iter().map(|m| m.max_coordinate()));
+        bounds.extend(scene.meshes[bounds.len()..].iter().map(|m| m.reach()));
         budget.take::<Instance>(meshes.len() as u64 * placements.len() as u64, node)?;
         place_meshes(scene, &meshes, &bounds, &placements, warnings);
     }
@@ -184,7 +181,7 @@ fn find_extension<'a>(node: &Item<'a>, name: &str) -> Result<Option<Item<'a>>, E
 fn place_meshes(
     scene: &mut Scene,
     meshes: &[u32],
-    bounds: &[f32],
+    bounds: &[Vec3],
     placements: &[DAffine3],
     warnings: &mut Warnings,
 ) {
@@ -194,18 +191,25 @@ fn place_meshes(
         let world_from_object =
             Affine3A::from_mat3_translation(matrix, world_from_node.translation.as_vec3());
         let entries = world_from_object.to_cols_array();
-        let is_finite = entries.iter().all(|x| x.is_finite());
-        let largest = entries.iter().fold(0.0_f32, |a, x| a.max(x.abs()));
+        let is_usable = entries.iter().all(|x| x.abs() <= MAX_COORDINATE);
         for &mesh in meshes {
-            if is_finite && largest * bounds[mesh as usize] <= MAX_COORDINATE {
+            if is_usable && is_in_reach(world_from_node, bounds[mesh as usize]) {
                 scene.instances.push(Instance { mesh, world_from_object });
             } else {
                 lost_count += 1;
             }
         }
     }
-    let message = "a mesh placed at coordinates not finite or beyond 1e15 is left out";
-    warnings.add(message, lost_count);
+    warnings.add(&format!("a mesh placed at {OUT_OF_REACH} is left out"), lost_count);
+}
+
+/// Whether all that lies within a mesh's reach is kept where it is placed.
+fn is_in_reach(world_from_node: &DAffine3, reach: Vec3) -> bool {
+    let DAffine3 { matrix3: m, translation } = world_from_node;
+    let reach = m.x_axis.abs() * f64::from(reach.x)
+        + m.y_axis.abs() * f64::from(reach.y)
+        + m.z_axis.abs() * f64::from(reach.z);
+    (reach + translation.abs()).cmple(DVec3::splat(MAX_COORDINATE.into())).all()
 }
 
 /// TRS or matrix of a node; what is not usable is replaced by the identity with a warning.

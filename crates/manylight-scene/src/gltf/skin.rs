@@ -24,7 +24,9 @@ pub(crate) fn load_pose(
 ) -> Result<Pose, Error> {
     let (_, skin) = doc.follow(reference, "skins")?;
     let joints_item = skin.required("joints")?;
-    let joints = joints_item.items()?;
+    let joints = joints_item.list()?;
+    // The pose of each, and what it is made of.
+    budget.take::<[DAffine3; 2]>(joints.len() as u64, &joints_item)?;
     let bind = match skin.field("inverseBindMatrices")? {
         Some(reference) => Some(Accessor::new(doc, &reference, &["MAT4"], budget)?),
         None => None,
@@ -39,7 +41,10 @@ pub(crate) fn load_pose(
     }
     let mut pose = Vec::with_capacity(joints.len());
     for (i, joint) in joints.iter().enumerate() {
-        let (node, _) = doc.follow(joint, "nodes")?;
+        let node = match joint.as_u64().and_then(|n| usize::try_from(n).ok()) {
+            Some(node) if node < graph.nodes.len() => node,
+            _ => doc.follow(&joints_item.items()?[i], "nodes")?.0, // tells what is wrong
+        };
         let joint_from_bind = bind.as_ref().map_or(DAffine3::IDENTITY, |bind| {
             DAffine3::from_mat4(DMat4::from_cols_array(&bind.read::<16>(i).map(f64::from)))
         });

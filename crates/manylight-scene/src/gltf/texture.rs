@@ -4,10 +4,10 @@
 //! Limits: PNG and JPEG; at most 16384 texels a side and 2²⁸ bytes decoded.
 
 use std::collections::HashMap;
-use std::io::Cursor;
+use std::io::{Cursor, ErrorKind};
 
 use glam::{Affine2, Mat2, Vec2};
-use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
+use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader};
 
 use super::buffer::{Resolver, view_bytes};
 use super::{Budget, Document};
@@ -27,11 +27,13 @@ pub(crate) struct Textures<'d, 'r, 'f> {
     pub(crate) resolver: &'r mut Resolver<'f>,
     /// glTF image → scene image.
     known: HashMap<usize, u32>,
+    /// Where an encoded image lies in memory, and its bytes → scene image.
+    decoded: HashMap<(usize, usize), u32>,
 }
 
 impl<'d, 'r, 'f> Textures<'d, 'r, 'f> {
     pub(crate) fn new(doc: &'d Document<'d>, resolver: &'r mut Resolver<'f>) -> Self {
-        Self { doc, resolver, known: HashMap::new() }
+        Self { doc, resolver, known: HashMap::new(), decoded: HashMap::new() }
     }
 
     /// The slot that a material's texture info describes; `None` with a warning if unusable.
@@ -76,28 +78,48 @@ impl<'d, 'r, 'f> Textures<'d, 'r, 'f> {
         let image = match self.known.get(&image_index) {
             Some(&known) => known,
             None => {
-                let image = self.decode(&item, budget)?;
-                scene.images.push(image);
-                let index = scene.images.len() as u32 - 1;
-                self.known.insert(image_index, index);
-                index
+                let image = self.decode(&item, scene, budget)?;
+                self.known.insert(image_index, image);
+                image
             }
         };
         Ok(Some(TextureSlot { image, uv_set: uv_set as u8, transform, wrap, linear_filter }))
     }
 
-    fn decode(&mut self, item: &Item<'_>, budget: &mut Budget) -> Result<TextureImage, Error> {
+    /// The image in the scene; entries that share their bytes share it too.
+    fn decode(
+        &mut self,
+        item: &Item<'_>,
+        scene: &mut Scene,
+        budget: &mut Budget,
+    ) -> Result<u32, Error> {
         let name = item.field("name")?.map_or(Ok(""), |n| n.text())?;
         let name = if name.is_empty() { item.path.clone() } else { name.to_owned() };
-        if let Some(view) = item.field("bufferView")? {
-            let (bytes, _) = view_bytes(self.doc, &view)?;
-            return decode_image(item, name, bytes, budget);
-        }
-        let Some(uri) = item.field("uri")? else {
-            return Err(item.fail("has neither a `bufferView` nor a `uri`; export the file again"));
+        let view = item.field("bufferView")?;
+        let file; // stays in memory, as the resolver keeps it
+        let bytes: &[u8] = match (&view, item.field("uri")?) {
+            (Some(view), _) => view_bytes(self.doc, view)?.0,
+            (None, Some(uri)) => {
+                file = self.resolver.resolve(&uri)?;
+                &file
+            }
+            (None, None) => {
+                let problem = "has neither a `bufferView` nor a `uri`; export the file again";
+                return Err(item.fail(problem));
+            }
         };
-        let bytes = self.resolver.resolve(&uri)?;
-        decode_image(item, name, &bytes, budget)
+        let place = (bytes.as_ptr() as usize, bytes.len());
+        if let Some(&known) = self.decoded.get(&place) {
+            return Ok(known);
+        }
+        if view.is_some() {
+            // Views may overlap; files and data URIs are read once.
+            budget.take_encoded_bytes(bytes.len() as u64, item)?;
+        }
+        scene.images.push(decode_image(item, name, bytes, budget)?);
+        let index = scene.images.len() as u32 - 1;
+        self.decoded.insert(place, index);
+        Ok(index)
     }
 }
 
@@ -107,8 +129,9 @@ fn decode_image(
     bytes: &[u8],
     budget: &mut Budget,
 ) -> Result<TextureImage, Error> {
-    let broken = |e: &dyn std::fmt::Display| {
-        item.fail(format!("image cannot be decoded: {e}; save it again as PNG or JPEG"))
+    let broken = |e: ImageError| {
+        let reason = describe_error(&e);
+        item.fail(format!("image cannot be decoded: {reason}; save it again as PNG or JPEG"))
     };
     let format = image::guess_format(bytes).ok();
     let Some(format @ (ImageFormat::Png | ImageFormat::Jpeg)) = format else {
@@ -121,7 +144,7 @@ fn decode_image(
     limits.max_image_height = Some(MAX_SIDE);
     limits.max_alloc = Some(MAX_IMAGE_BYTES * 3);
     reader.limits(limits);
-    let decoder = reader.into_decoder().map_err(|e| broken(&e))?;
+    let decoder = reader.into_decoder().map_err(broken)?;
     let (width, height) = decoder.dimensions();
     let byte_count = u64::from(width) * u64::from(height) * 4;
     if width > MAX_SIDE || height > MAX_SIDE || byte_count > MAX_IMAGE_BYTES {
@@ -134,9 +157,20 @@ fn decode_image(
         return Err(item.fail("image without texels; replace it"));
     }
     budget.take_texel_bytes(byte_count, item)?;
-    let rgba = DynamicImage::from_decoder(decoder).map_err(|e| broken(&e))?.into_rgba8();
+    let rgba = DynamicImage::from_decoder(decoder).map_err(broken)?.into_rgba8();
     let (texels, _) = rgba.as_raw().as_chunks::<4>();
     Ok(TextureImage { name, width, height, texels: texels.to_vec() })
+}
+
+/// Why an image cannot be decoded; decoders have words of their own for it, not for users.
+pub(crate) fn describe_error(error: &ImageError) -> String {
+    match error {
+        ImageError::IoError(e) if e.kind() == ErrorKind::UnexpectedEof => "it is cut short".into(),
+        ImageError::IoError(e) => e.to_string(),
+        ImageError::Unsupported(_) => "its kind is not supported".into(),
+        ImageError::Limits(_) => "it is too large".into(),
+        _ => "its bytes are damaged".into(),
+    }
 }
 
 /// uv' = offset + R·(scale ∘ uv), R turning by −rotation in the (u right, v down) plane, as in

@@ -104,7 +104,7 @@ impl Assembly {
             .expect("builtin views are never straight up or down");
         self.scene.cameras.push(camera.clone());
         let (path, settings) = (CameraPath::default(), serde_json::Map::new());
-        Shot { scene: self.scene, camera, path, settings, warnings: Vec::new() }
+        Shot { scene: self.scene, camera, path, settings, warnings: Vec::new(), files: Vec::new() }
     }
 }
 

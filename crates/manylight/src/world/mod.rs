@@ -146,7 +146,9 @@ impl World {
         if !world.bounds[0].is_finite() {
             return Err(Error::Scene {
                 scene: world.scene.name.clone(),
-                problem: "has no triangle to render; export its meshes as triangles".to_owned(),
+                problem: "has no triangle that is large enough, with edges above about 1e-11 m; \
+                          scale the scene up"
+                    .to_owned(),
             });
         }
         Ok(world)
