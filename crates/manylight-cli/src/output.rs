@@ -5,6 +5,7 @@ use glam::Vec3;
 use manylight::Frame;
 use manylight_image::{LayeredImage, Raster, ToneSettings};
 use std::collections::HashSet;
+use std::ffi::OsStr;
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
@@ -47,7 +48,11 @@ pub fn check_distinct<'a>(paths: impl Iterator<Item = &'a PathBuf>) -> Result<()
     let mut known = Vec::new();
     for path in paths {
         let place = path.parent().map(|p| folder_or_here(p).canonicalize()).transpose();
-        let place = (place.ok().flatten(), path.file_name());
+        let mut place = (place.ok().flatten(), path.file_name().map(OsStr::to_owned));
+        // Links may lead to one file.
+        if let Some(file) = path.canonicalize().ok().filter(|file| file.is_file()) {
+            place = (file.parent().map(Path::to_owned), file.file_name().map(OsStr::to_owned));
+        }
         if known.contains(&place) {
             let shown = path.display();
             return Err(format!("{shown} is named twice; give each output its own name").into());
@@ -101,7 +106,8 @@ pub fn check_target(path: &Path) -> Result<(), Failure> {
     {
         return Err(format!("cannot write {shown}: {e}; choose a shorter name").into());
     }
-    Ok(manylight_image::check_target(path)?)
+    manylight_image::check_target(path)
+        .map_err(|_| format!("cannot write {shown}: it is a pipe or a socket; name a file").into())
 }
 
 /// Refuses outputs that could not be written later, before any work is done.

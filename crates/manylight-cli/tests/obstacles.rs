@@ -97,6 +97,12 @@ fn outputs_do_not_take_the_place_of_inputs() {
     let beside =
         format!("{}/../{}/sky.exr", folder.0.display(), folder.0.file_name().unwrap().display());
     let length = folder.len("sky.exr");
+    #[cfg(unix)]
+    {
+        let link = folder.file("link.png");
+        std::os::unix::fs::symlink("a.png", &link).expect("a link");
+        assert_refused(&["render", CORNELL, "-o", &link, "-o", &picture], &["named twice"]);
+    }
     for args in [
         vec!["render", &shot, "-o", &shot],
         vec!["render", &shot, "-o", &sky],
@@ -202,7 +208,10 @@ fn pipes_are_refused_at_once() {
         assert!(Command::new("mkfifo").arg(pipe).status().expect("mkfifo").success());
     }
     let [png, exr, _] = &pipes;
-    assert_refused(&["render", CORNELL, "-o", png], &["a.png", "pipe"]);
+    assert_refused(
+        &["render", CORNELL, "-o", png],
+        &["a.png: it is a pipe or a socket; name a file"],
+    );
     assert_refused(&["compare", exr, exr], &["a.exr", "pipe"]);
     assert_refused(&["info", exr], &["a.exr: not a file"]);
     let frames = folder.file("a.####.png");
@@ -238,4 +247,20 @@ fn threads_that_cannot_be_had_are_one_sentence() {
             assert_failure(&output, &["cannot start", "RUST_MIN_STACK"]);
         }
     }
+}
+
+#[test]
+fn scenes_that_are_too_small_say_so() {
+    let folder = Folder::new("small");
+    let scene = folder.write(
+        "small.gltf",
+        r#"{"asset": {"version": "2.0"}, "scenes": [{"nodes": [0]}],
+            "nodes": [{"mesh": 0, "scale": [1e-18, 1e-18, 1e-18]}],
+            "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+            "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}],
+            "bufferViews": [{"buffer": 0, "byteLength": 36}],
+            "buffers": [{"byteLength": 36,
+                "uri": "data:;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA"}]}"#,
+    );
+    assert_refused(&["bench", &scene, "--json"], &["no triangle that is large enough", "scale"]);
 }

@@ -17,8 +17,8 @@ impl<T: Write + Seek> WriteSeek for T {}
 /// The file is synced before the rename, so that a crash leaves the earlier content or the new
 /// one. A link is followed; a device such as `/dev/null` is written directly.
 ///
-/// Errors: `Write` on system failures and where [`check_target`] refuses, else what `write` returns; in both cases the temporary
-/// file is removed and an earlier file is untouched.
+/// Errors: `Write` on system failures and where [`check_target`] refuses, else what `write`
+/// returns; in both cases the temporary file is removed and an earlier file is untouched.
 pub fn write_atomic(
     path: &Path,
     write: impl FnOnce(&mut dyn WriteSeek) -> Result<(), Error>,

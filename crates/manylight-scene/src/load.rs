@@ -329,8 +329,9 @@ fn frame_camera(scene: &Scene) -> Option<Camera> {
     }
     let center = (min + max) / 2.0;
     let vfov_rad = FRAMED_VFOV_DEG.to_radians();
-    // Far enough to be another place than the middle in single precision.
-    let least = center.abs().max_element().max(f32::MIN_POSITIVE) * 1e-5;
+    // Far enough to be another place than the middle in single precision; in a scene that is
+    // smaller than the last number nothing can be rendered.
+    let least = (center.abs().max_element() * 1e-5).max(1e-13);
     let distance = ((max - min).length() / 2.0).max(least) / (vfov_rad / 2.0).sin();
     let position = center + FRAMED_FROM.normalize() * distance;
     Camera::look_at(position, center, Vec3::Y, vfov_rad)

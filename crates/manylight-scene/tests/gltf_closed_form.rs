@@ -411,6 +411,8 @@ fn small_scenes_are_framed() {
         let to_middle = vec3(0.5, 0.5, 0.0) * scale - shot.camera.position;
         assert!(to_middle.length() < 3.0 * scale, "{scale}: {to_middle}");
     }
+    // What is too small for any picture is for the renderer to say.
+    assert!(Glb::with_positions(&TRIANGLE.map(|x| x * 1e-18)).try_load().is_ok());
     // A speck far away: another place in single precision.
     let shot = Glb::with_positions(&TRIANGLE.map(|x| 1e3 + x * 1e-3)).load();
     assert!(shot.camera.position.distance(vec3(1e3, 1e3, 1e3)) > 1e-3);
