@@ -90,8 +90,8 @@ pub struct RenderArgs {
     #[arg(long, value_name = "FILE.png")]
     pub heatmap: Option<PathBuf>,
     /// Render frames A to B of a sequence, both included. The number of a frame stands for #### in
-    /// the name of a file, else before its ending. Files that are there already are kept, and
-    /// their frames skipped
+    /// the name of a file, else before its ending. Whole files that are there already are kept,
+    /// and their frames skipped
     #[arg(long, value_name = "A..B", allow_hyphen_values = true)]
     pub frames: Option<String>,
     /// Render frames again whose files are there already

@@ -8,7 +8,7 @@ use manylight_scene::{Camera, Light, Projection, Scene, Sky};
 use serde_json::{Value, json};
 use std::io::Write;
 
-/// Most names of materials listed.
+/// Most names of materials listed for people.
 const MAX_NAMES: usize = 50;
 
 /// Prints what is in a scene.
@@ -33,7 +33,7 @@ pub fn run_info(args: &InfoArgs) -> Result<Outcome, Failure> {
         ("instances", json!(scene.instances.len())),
         ("bounds_m", json!(bounds)),
         ("materials", json!(scene.materials.len())),
-        ("material_names", names.take(MAX_NAMES).collect()),
+        ("material_names", listed(names, args.json)),
         ("images", json!(scene.images.len())),
         ("emissive_triangles", json!(emissive_triangles(scene))),
         ("suns", json!(kinds(|l| matches!(l, Light::Sun { .. })))),
@@ -47,6 +47,14 @@ pub fn run_info(args: &InfoArgs) -> Result<Outcome, Failure> {
     rows.push(("settings", Value::Object(shot.settings.clone())));
     rows.push(("warnings", shot.warnings.iter().map(ToString::to_string).collect()));
     print_rows(&rows, args.json)
+}
+
+/// Names, for people no more than can be read.
+fn listed<'a>(names: impl ExactSizeIterator<Item = &'a str>, all: bool) -> Value {
+    let more = if all { 0 } else { names.len().saturating_sub(MAX_NAMES) };
+    let shown = names.len() - more;
+    let rest = (more > 0).then(|| format!("… and {more} more; --json has all"));
+    names.take(shown).map(str::to_owned).chain(rest).collect()
 }
 
 /// What `--camera` takes for a camera of the scene: its name, or its number where it has none.

@@ -47,8 +47,7 @@ pub fn picture(frame: &Frame) -> LayeredImage {
 pub fn check_distinct<'a>(paths: impl Iterator<Item = &'a PathBuf>) -> Result<(), Failure> {
     let mut known = Vec::new();
     for path in paths {
-        let place = path.parent().map(|p| folder_or_here(p).canonicalize()).transpose();
-        let mut place = (place.ok().flatten(), path.file_name().map(OsStr::to_owned));
+        let mut place = (folder_of(path), path.file_name().map(OsStr::to_owned));
         // Links may lead to one file.
         if let Some(file) = path.canonicalize().ok().filter(|file| file.is_file()) {
             place = (file.parent().map(Path::to_owned), file.file_name().map(OsStr::to_owned));
@@ -88,6 +87,11 @@ pub fn print(line: &str, goes_on: bool) -> Result<(), Failure> {
         Err(e) if goes_on && e.kind() == ErrorKind::BrokenPipe => Ok(()),
         printed => Ok(printed?),
     }
+}
+
+/// The folder of a file, whatever way leads there; none where there is none.
+pub fn folder_of(path: &Path) -> Option<PathBuf> {
+    path.parent().and_then(|folder| folder_or_here(folder).canonicalize().ok())
 }
 
 /// The folder of a relative name without one is the current folder.

@@ -81,8 +81,16 @@ pub fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
     match frames {
         None => output::check_distinct(files)?,
         Some(_) => {
-            let files: Vec<_> = files.map(|path| sequence::files_of(path)).collect();
-            output::check_distinct(files.iter())?;
+            let files: Vec<_> = files.collect();
+            for (i, a) in files.iter().enumerate() {
+                let same_folder = |b: &&PathBuf| output::folder_of(a) == output::folder_of(b);
+                let earlier = files[..i].iter().copied().filter(same_folder);
+                if let Some(b) = earlier.into_iter().find(|b| sequence::may_meet(a, b)) {
+                    let (a, b) = (a.display(), b.display());
+                    let problem = "a frame of one may have the name of a frame of the other";
+                    return Err(format!("{b} and {a}: {problem}; name them apart").into());
+                }
+            }
         }
     }
     if args.quiet && !args.json && args.output.is_empty() && args.heatmap.is_none() {

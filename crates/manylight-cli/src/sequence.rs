@@ -58,13 +58,16 @@ pub fn file_of(path: &Path, frame: u32) -> PathBuf {
     path.with_file_name(format!("{before}{frame:0digits$}{after}"))
 }
 
-/// The files of all frames without what a number could be part of: only where this is the same may
-/// two outputs write one file.
-pub fn files_of(path: &Path) -> PathBuf {
-    let (before, _, after) = around_number(path);
+/// Whether a frame of one output and a frame of another in the same folder may have one name.
+pub fn may_meet(a: &Path, b: &Path) -> bool {
+    let [(before_a, _, after_a), (before_b, _, after_b)] = [a, b].map(around_number);
     let is_digit = |c: char| c.is_ascii_digit();
-    let ends = [before.trim_end_matches(is_digit), after.trim_start_matches(is_digit)];
-    path.with_file_name(ends.join("#"))
+    let same_before = before_a.trim_end_matches(is_digit) == before_b.trim_end_matches(is_digit);
+    let same_after = after_a.trim_start_matches(is_digit) == after_b.trim_start_matches(is_digit);
+    // Digits beside the number of the one may be part of the number of the other.
+    let lead = before_a.starts_with(&before_b) || before_b.starts_with(&before_a);
+    let trail = after_a.ends_with(&after_b) || after_b.ends_with(&after_a);
+    same_before && same_after && lead && trail
 }
 
 /// What stands before the number of a frame, its least digits, and what stands behind it.
@@ -142,14 +145,15 @@ mod tests {
 
     #[test]
     fn outputs_whose_files_may_meet_are_known() {
-        let meet = |a: &str, b: &str| files_of(Path::new(a)) == files_of(Path::new(b));
+        let meet = |a: &str, b: &str| may_meet(Path::new(a), Path::new(b));
         assert!(meet("a.png", "a.####.png"));
         // Frame 10 of the one is frame 0 of the other.
         assert!(meet("a.#.png", "a.1#.png"));
         assert!(meet("#1.png", "#.png"));
         assert!(!meet("a.png", "a.exr"));
         assert!(!meet("a.#.png", "a.1_#.png"));
-        assert!(!meet("o1/#.png", "o2/#.png"));
+        assert!(!meet("a1####.png", "a2####.png"));
+        assert!(!meet("#1.png", "#2.png"));
     }
 
     #[test]

@@ -7,8 +7,8 @@ use crate::{Error, Light, Scene, Sky};
 
 /// Largest coordinate, edge or matrix entry that is kept, metres.
 ///
-/// Renderers take squares of distances to the fourth power in single precision, which is finite up
-/// to about three times as much.
+/// Renderers take fourth powers of distances in single precision, which are finite up to about four
+/// times as much.
 pub(crate) const MAX_COORDINATE: f32 = 1e9;
 
 /// What warnings of things beyond that say.

@@ -79,7 +79,7 @@ pub struct HeldBytes {
     name: &'static str,
     bytes: u64,
     /// Number of the memory.
-    memory: u64,
+    pub(super) memory: u64,
 }
 
 impl HeldBytes {

@@ -9,6 +9,7 @@ use super::{Buf, Feature, Features, Record};
 use crate::error::Error;
 use std::collections::HashMap;
 use std::num::NonZeroU32;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Most bytes that are copied back at a time, unless one list has more.
@@ -23,7 +24,7 @@ pub struct Gpu {
     name: String,
     features: Features,
     /// Whether every loop counts its turns, so that one without end cannot hang the device.
-    pub(super) bounds_loops: bool,
+    pub(super) bounds_loops: AtomicBool,
     scene_layout: wgpu::BindGroupLayout,
     /// By the path of the shader.
     pub(super) pipelines: Mutex<HashMap<&'static str, wgpu::ComputePipeline>>,
@@ -61,8 +62,10 @@ impl Gpu {
             .or_else(|problem| opened.find_map(Result::ok).ok_or(problem))
             .map_err(|e| device(format!("{} does not open: {e}", description.name)))?;
         let name = format!("{}, {}", description.name, description.driver);
-        let mut gpu = Self::with_features(raw, queue, name, features)?;
-        gpu.bounds_loops = options.base || options.shaders.is_some();
+        let gpu = Self::with_features(raw, queue, name, features)?;
+        if options.base {
+            gpu.bound_loops();
+        }
         gpu.listen();
         #[cfg(debug_assertions)]
         if let Some(folder) = &options.shaders {
@@ -108,7 +111,7 @@ impl Gpu {
         });
         Ok(Self {
             features,
-            bounds_loops: false,
+            bounds_loops: AtomicBool::default(),
             device,
             queue,
             name,
@@ -121,6 +124,13 @@ impl Gpu {
             account: Arc::default(),
             problem: Arc::default(),
         })
+    }
+
+    /// Gives every loop of kernels that are not built yet a counter, so that none can hang the
+    /// device; with it all take longer. Done by [`GpuOptions::base`] and where shaders are taken
+    /// from a folder.
+    pub fn bound_loops(&self) {
+        self.bounds_loops.store(true, Ordering::Relaxed);
     }
 
     /// Keeps the first thing that goes wrong for [`Gpu::check`].

@@ -5,6 +5,7 @@ use super::Recorder;
 use super::{Gpu, KernelInfo, SHADERS, link};
 use rayon::prelude::*;
 use std::sync::PoisonError;
+use std::sync::atomic::Ordering;
 
 impl Gpu {
     /// Builds those of some kernels that are not there yet, on all processors.
@@ -51,11 +52,12 @@ impl Gpu {
         let source =
             wgpu::ShaderModuleDescriptor { label, source: wgpu::ShaderSource::Wgsl(text.into()) };
         let checks = wgpu::ShaderRuntimeChecks {
-            force_loop_bounding: self.bounds_loops,
+            force_loop_bounding: self.bounds_loops.load(Ordering::Relaxed),
             ..wgpu::ShaderRuntimeChecks::checked()
         };
         // SAFETY: every loop of our own shaders ends: each turn takes one of finitely many items,
-        // of a range of numbers or of a tree that was built here. Other checks stay.
+        // of a range of numbers or of a tree that was built here. Shaders of a folder have bounds
+        // put to theirs. Other checks stay.
         let module = unsafe { device.create_shader_module_trusted(source, checks) };
         let stage_layout = self.stage_layout(kernel);
         let layouts = [Some(&stage_layout), Some(self.scene_layout())];

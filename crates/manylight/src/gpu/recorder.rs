@@ -2,7 +2,7 @@
 
 use super::groups::Key;
 use super::timer::Timer;
-use super::{Bound, Buf, Gpu, Kernel, KernelInfo, MAX_GROUPS, Place, Record, StageTime};
+use super::{Bound, Buf, Gpu, HeldBytes, Kernel, KernelInfo, MAX_GROUPS, Place, Record, StageTime};
 use crate::error::Error;
 use std::marker::PhantomData;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -30,7 +30,7 @@ impl<T> Copy for Uniform<T> {}
 impl<T> Uniform<T> {
     /// Where it lies in the submission's uniforms.
     pub fn binding<'a>(&self, uniforms: &'a UniformMemory) -> Bound<'a> {
-        let (memory, offset, size) = (uniforms.memory, self.offset, size_of::<T>() as u64);
+        let (memory, offset, size) = (uniforms.held.memory, self.offset, size_of::<T>() as u64);
         Bound::Bytes(&uniforms.raw, Place { memory, offset, size })
     }
 }
@@ -39,8 +39,7 @@ impl<T> Uniform<T> {
 #[derive(Debug)]
 pub struct UniformMemory {
     raw: wgpu::Buffer,
-    /// Its number, see [`Place`].
-    memory: u64,
+    held: HeldBytes,
 }
 
 /// Memory that submissions use one after another.
@@ -52,13 +51,14 @@ pub(super) struct Arena {
 
 impl Arena {
     pub fn new(gpu: &Gpu) -> Self {
+        let size = (UNIFORM_STRIDE * MOST_UNIFORMS) as u64;
         let raw = gpu.device().create_buffer(&wgpu::BufferDescriptor {
             label: Some("uniforms"),
-            size: (UNIFORM_STRIDE * MOST_UNIFORMS) as u64,
+            size,
             usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
-        let uniforms = UniformMemory { raw, memory: gpu.account().number() };
+        let uniforms = UniformMemory { raw, held: gpu.hold_bytes("uniforms", size) };
         Self { uniforms, timer: Timer::new(gpu) }
     }
 }

@@ -118,6 +118,7 @@ impl Gpu {
     pub fn reload_from(&self, folder: &Path) {
         let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
         *self.reload.lock().unwrap_or_else(PoisonError::into_inner) = Some(Reload::new(folder));
+        self.bound_loops();
         pipelines.clear();
     }
 

@@ -170,7 +170,7 @@ impl GpuRenderer {
                 None => return Err(endless()),
             }
         }
-        self.finish(settings, times)
+        self.gpu.guard(|| self.finish(settings, times))
     }
 
     /// Renders one picture without bringing it back, and tells what its stages took.

@@ -85,7 +85,7 @@ impl GpuRenderer {
         self.forgets_levels = true;
         let times = self.render_sample(job, history, progress)?.unwrap_or_default();
         self.past = past;
-        self.finish(settings, times)
+        self.gpu.guard(|| self.finish(settings, times))
     }
 
     /// Forgets earlier frames, as at a cut that is not to be seen from the views.

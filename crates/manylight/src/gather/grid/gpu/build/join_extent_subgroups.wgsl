@@ -4,6 +4,8 @@ import package::gather::grid::gpu::build::extent;
 // Joins what every invocation found, in the workgroup's `own`; a barrier must follow, and all
 // invocations come here.
 fn join_extent(low: vec3u, high: vec3u, count: u32) {
+    // Brings subgroups together that came apart where lights were looked at.
+    workgroupBarrier();
     let all_low = subgroupMin(low);
     let all_high = subgroupMax(high);
     let all_count = subgroupAdd(count);
