@@ -75,8 +75,11 @@ impl GatherCapacity {
         let block_bytes = most_bytes.into_iter().max().unwrap_or(1) as u64;
         let most_blocks = (most / block_bytes).min(u64::from(MAX_GROUPS) / TILES as u64);
         let blocks = u64::from(blocks).min(most_blocks).max(1) as u32;
-        // Bands of one size: a last small one would leave a large device idle.
+        // Bands of one size, with the room of larger ones: a last small one would leave a large
+        // device idle.
+        let chunks = self.block_chunks.saturating_mul(blocks);
         self.band_blocks = all.div_ceil(all.div_ceil(blocks));
+        self.block_chunks = chunks / self.band_blocks;
         self
     }
 
