@@ -7,6 +7,9 @@ use crate::gpu::scan::SCAN_BLOCK;
 use crate::gpu::{Gpu, MAX_GROUPS};
 use crate::settings::Settings;
 
+/// Lights of a pixel up to which bands are as large as there is room: 35 G operations each.
+const BAND_EVALS: u32 = 480;
+
 /// Room of a gather. Pictures are gathered in bands of blocks, and rays in slices, so that memory
 /// does not grow with the picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -75,9 +78,13 @@ impl GatherCapacity {
         let block_bytes = most_bytes.into_iter().max().unwrap_or(1) as u64;
         let most_blocks = (most / block_bytes).min(u64::from(MAX_GROUPS) / TILES as u64);
         let blocks = u64::from(blocks).min(most_blocks).max(1) as u32;
+        let chunks = self.block_chunks.saturating_mul(blocks);
+        // The lights of a band are one dispatch, which must not take long.
+        let evals = settings.grid.alpha.map_or(settings.grid.evals, |_| BAND_EVALS);
+        let most_evals = u64::from(blocks) * u64::from(BAND_EVALS);
+        let blocks = (most_evals / u64::from(evals.max(BAND_EVALS))).max(1) as u32;
         // Bands of one size, with the room of larger ones: a last small one would leave a large
         // device idle.
-        let chunks = self.block_chunks.saturating_mul(blocks);
         self.band_blocks = all.div_ceil(all.div_ceil(blocks));
         self.block_chunks = chunks / self.band_blocks;
         self

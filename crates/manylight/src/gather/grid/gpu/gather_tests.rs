@@ -476,6 +476,24 @@ fn bands_slices_and_repetitions_change_no_bit() {
 }
 
 #[test]
+fn bands_are_of_one_size_and_small_where_lights_are_many() {
+    let Some(gpu) = device() else { return };
+    let fit = |evals| {
+        let mut settings = Settings::default();
+        settings.grid.evals = evals;
+        GatherCapacity::default().fit(gpu, 1280, 720, &settings)
+    };
+    // 80 × 45 blocks.
+    assert_eq!(fit(480).band_blocks, 1800);
+    assert_eq!(fit(960).band_blocks, 900);
+    assert_eq!(fit(65_536).band_blocks, 14);
+    // All have nearly the same room.
+    for evals in [480, 960, 65_536] {
+        assert!((79_000..82_000).contains(&fit(evals).chunks()), "{evals}");
+    }
+}
+
+#[test]
 fn subgroups_gather_the_same_bits() {
     let Some(base) = device() else { return };
     let Some(gpu) = device_with(Feature::Subgroups) else { return };
