@@ -1,6 +1,7 @@
 //! The graphics devices of this machine, and what is asked of one.
 
 use super::features::LISTS_BESIDE_TEXTURES;
+use super::loops::lists_with_last_loop;
 use super::{Feature, Features};
 use crate::error::Error;
 use crate::settings::GpuSettings;
@@ -14,7 +15,8 @@ pub(super) const MOST_TEXTURES: u32 = 1024;
 pub struct GpuOptions {
     /// Part of the adapter's name, in any case; `None`: the fastest.
     pub adapter: Option<String>,
-    /// Takes only what every device has: `wgpu::Limits::defaults()` and no timestamps.
+    /// Takes only what every device has: `wgpu::Limits::defaults()` and no timestamps. Devices that
+    /// are emulated are asked for one more list of a kernel, by which loops are watched.
     pub base: bool,
     /// Whether a device that is emulated on the processor will do.
     pub software: bool,
@@ -165,10 +167,15 @@ pub(super) fn device_descriptor(
         required_limits: wgpu::Limits::defaults(),
         ..Default::default()
     };
+    let most = adapter.limits();
+    if adapter.get_info().device_type == wgpu::DeviceType::Cpu {
+        let lists = lists_with_last_loop(options.features);
+        asked.required_limits.max_storage_buffers_per_shader_stage =
+            lists.min(most.max_storage_buffers_per_shader_stage);
+    }
     if options.base {
         return asked;
     }
-    let most = adapter.limits();
     let features = options.features.offered_by(adapter.features(), &most);
     let limits = &mut asked.required_limits;
     limits.max_storage_buffer_binding_size = most.max_storage_buffer_binding_size;

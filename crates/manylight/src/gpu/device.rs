@@ -2,6 +2,7 @@
 
 use super::adapter::{GpuOptions, MOST_TEXTURES, choose, device_descriptor, lacks};
 use super::buffer::{Account, HeldBytes};
+use super::loops::{Loops, Watch};
 use super::recorder::{Arena, Recorder};
 #[cfg(debug_assertions)]
 use super::reload::Reload;
@@ -26,6 +27,8 @@ pub struct Gpu {
     /// Whether every loop counts its turns, so that one without end cannot hang the device.
     pub(super) bounds_loops: AtomicBool,
     scene_layout: wgpu::BindGroupLayout,
+    /// Whether its driver makes all turns of a loop.
+    loops: Loops,
     /// By the path of the shader.
     pub(super) pipelines: Mutex<HashMap<&'static str, wgpu::ComputePipeline>>,
     pub(super) stage_layouts: Mutex<HashMap<&'static str, wgpu::BindGroupLayout>>,
@@ -83,6 +86,9 @@ impl Gpu {
     /// the default flags: else wgpu checks each indirect dispatch, some fifty a frame, by one of
     /// its own. Those of this library are clamped where they are written.
     ///
+    /// On a device that is emulated on the processor this submits work and waits for it, to see
+    /// whether it makes all turns of a loop; see [`Gpu::most_turns`].
+    ///
     /// Errors: less than `wgpu::Limits::defaults()`
     pub fn from_device(
         device: wgpu::Device,
@@ -109,13 +115,14 @@ impl Gpu {
             label: Some("scene"),
             entries: &scene_entries(features, most_textures(features, &device.limits())),
         });
-        Ok(Self {
+        let mut gpu = Self {
             features,
             bounds_loops: AtomicBool::default(),
             device,
             queue,
             name,
             scene_layout,
+            loops: Loops::default(),
             pipelines: Mutex::default(),
             stage_layouts: Mutex::default(),
             #[cfg(debug_assertions)]
@@ -123,7 +130,11 @@ impl Gpu {
             arenas: Arc::default(),
             account: Arc::default(),
             problem: Arc::default(),
-        })
+        };
+        gpu.loops = gpu.guard(|| Loops::new(&gpu))?;
+        // The kernel that counted turns has no last loop.
+        gpu.pipelines = Mutex::default();
+        Ok(gpu)
     }
 
     /// Gives every loop of kernels that are not built yet a counter, so that none can hang the
@@ -201,6 +212,19 @@ impl Gpu {
     pub fn max_list_bytes(&self) -> u64 {
         let limits = self.device.limits();
         limits.max_storage_buffer_binding_size.min(limits.max_buffer_size)
+    }
+
+    /// Turns after which the driver ends all loops of an invocation, whatever is left to do; `None`
+    /// where it does not. What needs more fails with a sentence where its submission is waited for
+    /// or its records come back, if a kernel may bind a ninth list on the device (a tenth with
+    /// textures bound one by one). 65,535 on software Vulkan of Mesa 22.
+    pub fn most_turns(&self) -> Option<u32> {
+        self.loops.most_turns
+    }
+
+    /// The last loop of all kernels, where the driver ends loops early.
+    pub(super) fn watch(&self) -> Option<&Watch> {
+        self.loops.watch.as_ref()
     }
 
     /// Layout of group 1: the scene's records and textures.

@@ -1,5 +1,6 @@
 //! Records that come back when their submission is done, without anyone waiting for it.
 
+use super::loops::Watch;
 use super::{Gpu, Record, Recorder};
 use crate::error::Error;
 use std::sync::atomic::{Ordering, fence};
@@ -25,8 +26,11 @@ pub enum Arrival {
 }
 
 impl Recorder<'_> {
-    /// Brings whole buffers back, as they are at this point of the recording.
+    /// Brings whole buffers back, as they are at this point of the recording, and with them what is
+    /// known of loops that the driver ended early.
     pub fn read_later(&mut self, buffers: &[&wgpu::Buffer]) -> Later {
+        let watched = self.gpu().watch().map(Watch::found);
+        let buffers: Vec<_> = buffers.iter().copied().chain(watched).collect();
         let size = buffers.iter().map(|b| b.size()).sum::<u64>().max(4);
         let mapped = self.gpu().device().create_buffer(&wgpu::BufferDescriptor {
             label: Some("read back later"),
@@ -53,32 +57,32 @@ impl Recorder<'_> {
 impl Later {
     /// Looks whether the records have come; [`Gpu::poll`] before makes that known.
     ///
-    /// Errors: what the device reported
+    /// Errors: what the device reported; the driver ended loops early
     pub fn look(&self, gpu: &Gpu) -> Result<Arrival, Error> {
-        let problem = |e: &dyn std::error::Error| gpu.problem(&format!("reading back: {e}"));
         // In this order: it is set before its other owner goes.
         let is_alone = Arc::strong_count(&self.done) == 1;
         fence(Ordering::Acquire);
         match self.done.get() {
             None if is_alone => Ok(Arrival::Never),
             None => Ok(Arrival::Pending),
-            Some(Err(e)) => Err(problem(e)),
-            Some(Ok(())) => {
-                let view = self.mapped.slice(..).get_mapped_range().map_err(|e| problem(&e))?;
-                Ok(Arrival::Here(view.to_vec()))
-            }
+            Some(Err(e)) => Err(problem(gpu, e)),
+            Some(Ok(())) => self.bytes(gpu).map(Arrival::Here),
         }
     }
 
     /// The records of a submission that was waited for.
     ///
-    /// Errors: what the device reported
+    /// Errors: what the device reported; the driver ended loops early
     pub fn bytes(&self, gpu: &Gpu) -> Result<Vec<u8>, Error> {
-        match self.look(gpu)? {
-            Arrival::Here(bytes) => Ok(bytes),
-            Arrival::Pending | Arrival::Never => Err(gpu.problem("nothing was read back")),
-        }
+        let view = self.mapped.slice(..).get_mapped_range().map_err(|e| problem(gpu, &e))?;
+        let mut bytes = view.to_vec();
+        gpu.watch().map_or(Ok(()), |watch| watch.check(gpu, &mut bytes))?;
+        Ok(bytes)
     }
+}
+
+fn problem(gpu: &Gpu, e: &dyn std::error::Error) -> Error {
+    gpu.problem(&format!("reading back: {e}"))
 }
 
 /// Takes a record off the front of bytes that came.

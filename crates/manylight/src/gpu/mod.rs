@@ -15,6 +15,7 @@ mod groups;
 mod kernel;
 mod later;
 mod linker;
+mod loops;
 mod pace;
 mod pipelines;
 mod pool;
@@ -51,7 +52,7 @@ pub const MAX_GROUPS: u32 = 65_535;
 
 /// Every kernel of this room.
 #[cfg(test)]
-pub(crate) const KERNELS: &[&KernelInfo] = scan::KERNELS;
+pub(crate) const KERNELS: &[&[&KernelInfo]] = &[scan::KERNELS, loops::KERNELS];
 
 #[cfg(test)]
 mod tests;

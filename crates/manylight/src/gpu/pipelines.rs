@@ -2,6 +2,7 @@
 
 #[cfg(doc)]
 use super::Recorder;
+use super::loops::with_last_loop;
 use super::{Gpu, KernelInfo, SHADERS, link};
 use rayon::prelude::*;
 use std::sync::PoisonError;
@@ -44,7 +45,17 @@ impl Gpu {
             return pipeline;
         }
         let text = link(kernel, SHADERS, self.features()).expect("a test links every shader");
-        self.build(kernel, text)
+        self.build(kernel, self.watched(kernel, text).expect("a test watches every shader"))
+    }
+
+    /// The text with a last loop, where the driver ends loops early.
+    ///
+    /// Errors: as [`with_last_loop`]
+    pub(super) fn watched(&self, kernel: &KernelInfo, text: String) -> Result<String, String> {
+        match self.watch() {
+            Some(_) => with_last_loop(kernel.shader, &text),
+            None => Ok(text),
+        }
     }
 
     pub(super) fn build(&self, kernel: &KernelInfo, text: String) -> wgpu::ComputePipeline {
@@ -60,10 +71,12 @@ impl Gpu {
         // put to theirs. Other checks stay.
         let module = unsafe { device.create_shader_module_trusted(source, checks) };
         let stage_layout = self.stage_layout(kernel);
-        let layouts = [Some(&stage_layout), Some(self.scene_layout())];
+        let scene_layout = Some(self.scene_layout()).filter(|_| kernel.scene);
+        let layouts = [Some(&stage_layout), scene_layout, self.watch().map(|w| &w.layout)];
+        let count = layouts.iter().rposition(Option::is_some).map_or(0, |last| last + 1);
         let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label,
-            bind_group_layouts: if kernel.scene { &layouts } else { &layouts[..1] },
+            bind_group_layouts: &layouts[..count],
             immediate_size: 0,
         });
         device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {

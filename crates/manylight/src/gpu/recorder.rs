@@ -1,8 +1,11 @@
 //! One submission: stages and their dispatches, in order.
 
 use super::groups::Key;
+use super::loops::LAST_LOOP_GROUP;
 use super::timer::Timer;
-use super::{Bound, Buf, Gpu, HeldBytes, Kernel, KernelInfo, MAX_GROUPS, Place, Record, StageTime};
+use super::{
+    Bound, Buf, Gpu, HeldBytes, Kernel, KernelInfo, Later, MAX_GROUPS, Place, Record, StageTime,
+};
 use crate::error::Error;
 use std::marker::PhantomData;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -205,6 +208,9 @@ impl<'g> Recorder<'g> {
         if kernel.scene {
             pass.set_bind_group(1, self.scene.expect("a scene for a kernel that needs it"), &[]);
         }
+        if let Some(watch) = self.gpu.watch() {
+            pass.set_bind_group(LAST_LOOP_GROUP, &watch.group, &[]);
+        }
         match grid {
             Grid::Size([x, y, z]) => pass.dispatch_workgroups(*x, *y, *z),
             Grid::Written(groups, offset) => pass.dispatch_workgroups_indirect(groups, *offset),
@@ -284,6 +290,7 @@ impl<'g> Recorder<'g> {
     /// Hands the work to the device.
     pub fn submit(mut self) -> Submitted<'g> {
         self.write_uniforms();
+        let watched = self.gpu.watch().map(|_| self.read_later(&[]));
         self.encoder();
         let Self { gpu, commands, mut arena, .. } = self;
         if let Commands::Own(mut encoder) = commands {
@@ -293,7 +300,7 @@ impl<'g> Recorder<'g> {
             gpu.queue().submit([encoder.finish()]);
         }
         // Later writes to it come after this submission.
-        Submitted { gpu, loan: Loan { arena: Some(arena), shelf: gpu.arenas() } }
+        Submitted { gpu, watched, loan: Loan { arena: Some(arena), shelf: gpu.arenas() } }
     }
 
     /// Before whatever is submitted next.
@@ -317,15 +324,20 @@ impl Commands<'_> {
 #[derive(Debug)]
 pub struct Submitted<'g> {
     gpu: &'g Gpu,
+    /// What comes back where the driver ends loops early.
+    watched: Option<Later>,
     loan: Loan,
 }
 
 impl Submitted<'_> {
     /// Waits for the end and tells what the stages took; empty where the device has no clock.
     ///
-    /// Errors: what the device reported
+    /// Errors: what the device reported; the driver ended loops early
     pub fn wait(mut self) -> Result<Vec<StageTime>, Error> {
         self.gpu.wait()?;
+        if let Some(watched) = &self.watched {
+            watched.bytes(self.gpu)?;
+        }
         let timer = self.loan.arena.as_mut().and_then(|arena| arena.timer.as_mut());
         timer.map_or(Ok(Vec::new()), |timer| timer.take(self.gpu))
     }

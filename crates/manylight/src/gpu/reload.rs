@@ -160,6 +160,7 @@ impl Gpu {
         kernel: &KernelInfo,
         text: String,
     ) -> Result<wgpu::ComputePipeline, String> {
+        let text = self.watched(kernel, text)?;
         let scope = self.device().push_error_scope(wgpu::ErrorFilter::Validation);
         let pipeline = self.build(kernel, text);
         match pollster::block_on(scope.pop()) {

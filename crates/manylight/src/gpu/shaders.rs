@@ -43,6 +43,8 @@ const FILES: &[(&str, &str)] = shaders![
     "gpu/running_subgroups",
     "gpu/running_words_subgroups",
     "gpu/subgroup",
+    "gpu/count_turns",
+    "gpu/last_loop",
     "gpu/scan_blocks",
     "gpu/scan_add",
     "math/sequence",

@@ -1,5 +1,6 @@
 //! The device of the tests.
 
+use super::loops::{LAST_LOOP_GROUP, with_last_loop};
 use super::{Access, Feature, Features, Gpu, GpuOptions, KernelInfo, SHADERS, link};
 use std::sync::OnceLock;
 use wgpu::naga;
@@ -85,6 +86,11 @@ fn capabilities(features: Features) -> naga::valid::Capabilities {
 }
 
 fn check_text(kernel: &KernelInfo, text: &str, features: Features) {
+    check_bindings(kernel, text, features);
+    check_bindings(kernel, &with_last_loop(kernel.shader, text).expect("a main"), features);
+}
+
+fn check_bindings(kernel: &KernelInfo, text: &str, features: Features) {
     let name = &format!("{} {features:?}", kernel.shader);
     let module = naga::front::wgsl::parse_str(text)
         .unwrap_or_else(|e| panic!("{name}: {}", e.emit_to_string(text)));
@@ -105,6 +111,9 @@ fn check_text(kernel: &KernelInfo, text: &str, features: Features) {
             shared += layouter[variable.ty].size;
         }
         let Some(binding) = &variable.binding else { continue };
+        if binding.group == LAST_LOOP_GROUP && variable.name.as_deref() == Some("last_loop") {
+            continue;
+        }
         if binding.group == 1 {
             let is_used = !info.get_entry_point(entry)[handle].is_empty();
             assert!(!is_used || kernel.scene, "{name} uses the scene but does not say so");

@@ -70,7 +70,8 @@ impl GpuRenderer {
     /// is that of [`Gpu::queue`].
     ///
     /// Errors: a setting outside its range, the methods `brute` and `path`, textures that do not
-    /// fit, more than the device can hold. After an error the encoder may hold part of a frame,
+    /// fit, more than the device can hold, and for frames before as
+    /// [`GpuRenderer::after_submit`]. After an error the encoder may hold part of a frame,
     /// which does no harm but gives no light
     pub fn record_into(
         &mut self,
@@ -125,7 +126,8 @@ impl GpuRenderer {
     /// To be called after a submission, or not at all: [`GpuRenderer::record_into`] looks too.
     /// Polls the device, so that callbacks of the engine may run.
     ///
-    /// Errors: what the device reported, more than it can hold
+    /// Errors: what the device reported, more than it can hold, loops that its driver ended early
+    /// in a frame that is done; what was recorded later goes on
     pub fn after_submit(&mut self) -> Result<bool, Error> {
         self.look_at_frames()?;
         Ok(take(&mut self.in_flight.lacked))
@@ -136,22 +138,31 @@ impl GpuRenderer {
         gpu.poll()?;
         let mut open = Vec::new();
         let mut is_broken = false;
+        let mut problem = Ok(());
         for frame in take(&mut in_flight.frames) {
-            match frame.needs.look(gpu)? {
-                Arrival::Pending => open.push(frame),
-                Arrival::Here(bytes) => {
-                    let lacked = frame.grow(gpu, buffers, &bytes)?;
-                    in_flight.lacked |= lacked;
-                    is_broken |= lacked;
+            let looked = match frame.needs.look(gpu) {
+                Ok(Arrival::Pending) => {
+                    open.push(frame);
+                    continue;
                 }
-                Arrival::Never => is_broken = true,
+                Ok(Arrival::Here(bytes)) => frame.grow(gpu, buffers, &bytes),
+                Ok(Arrival::Never) => {
+                    is_broken = true;
+                    continue;
+                }
+                Err(e) => Err(e),
+            };
+            is_broken |= !matches!(looked, Ok(false));
+            match looked {
+                Ok(lacked) => in_flight.lacked |= lacked,
+                Err(e) => problem = problem.and(Err(e)),
             }
         }
         if let Some(past) = past.as_mut().filter(|_| is_broken) {
             past.history.clear();
         }
         in_flight.frames = open;
-        Ok(())
+        problem
     }
 
     /// Takes other sun, point and spot lights and another sky; emissive materials stay what they

@@ -12,7 +12,7 @@ use crate::{bvh, direct, shadow, surface, world};
 use std::time::Instant;
 
 /// Lights that are summed by themselves.
-const BLOCK: usize = 256;
+const BLOCK: usize = 64;
 /// Most receivers of a dispatch.
 const TILE: usize = 1 << 18;
 /// Receivers × lights of the first submission.
@@ -132,7 +132,9 @@ impl GpuBrute {
             let pixels = pace.share(BLOCK, TILE.min(all - first_pixel));
             let mut first = 0;
             loop {
-                let run = pace.times(pixels).next_multiple_of(BLOCK).max(BLOCK);
+                // Where turns are counted, a block leaves some thousand to each of its rays.
+                let run = if gpu.most_turns().is_some() { BLOCK } else { pace.times(pixels) };
+                let run = run.next_multiple_of(BLOCK).max(BLOCK);
                 let end = count.min(first + run);
                 let started = Instant::now();
                 let mut rec = gpu.record(Some(scene));
