@@ -20,7 +20,10 @@ struct Step {
 /// Which of the steps is run with the driver that `setup` set aside.
 const WITH_DRIVER: &str = "features";
 
-const STEPS: [Step; 7] = [
+/// The package of the program.
+const PROGRAM: &str = "manylight-cli";
+
+const STEPS: [Step; 8] = [
     Step {
         name: "fmt",
         why: "differences should show thoughts, not blanks",
@@ -54,7 +57,12 @@ const STEPS: [Step; 7] = [
     Step {
         name: "doc",
         why: "a broken link in the documentation is a broken promise",
-        args: &["doc", "--workspace", "--no-deps"],
+        args: &["doc", "--workspace", "--no-deps", "--exclude", PROGRAM],
+    },
+    Step {
+        name: "doc program",
+        why: "it has the library's name, and both pages at once would overwrite each other",
+        args: &["doc", "-p", PROGRAM, "--no-deps"],
     },
 ];
 
