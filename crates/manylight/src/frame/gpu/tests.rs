@@ -332,7 +332,6 @@ fn papered() -> Shot {
 }
 
 #[test]
-#[ignore = "a software driver compiles these kernels for minutes"]
 fn bindless_pictures_have_the_same_bits() {
     let Some(bindless) = device_with(Feature::Bindless) else { return };
     with_gpu(|gpu| {
