@@ -146,6 +146,14 @@ impl Engine {
         }
     }
 
+    /// Dispatches that a graphics device was given so far.
+    pub fn dispatches(&self) -> Option<u64> {
+        match self {
+            Self::Cpu(_) => None,
+            Self::Gpu(engine, _) => Some(engine.gpu().dispatches()),
+        }
+    }
+
     /// World and emitters.
     pub fn renderer(&self) -> &Renderer {
         match self {

@@ -240,7 +240,9 @@ fn frames(
     let mut stages: Vec<(&'static str, Vec<f64>)> = Vec::new();
     let mut totals = Vec::new();
     let mut past = Past::default();
+    let mut dispatches = None;
     for run in 0..=args.frames {
+        let before = engine.dispatches();
         let start = Instant::now();
         let times =
             engine.time_frame((camera, size), settings, (run, &mut past), args.is_static)?;
@@ -248,6 +250,7 @@ fn frames(
             continue;
         }
         totals.push(start.elapsed().as_secs_f64() * 1e3);
+        dispatches = engine.dispatches().zip(before).map(|(now, before)| now - before);
         for (name, time_ms) in times {
             match stages.iter_mut().find(|s| s.0 == name) {
                 Some(s) => s.1.push(time_ms),
@@ -265,6 +268,9 @@ fn frames(
     // Where the system cannot begin anew, that of all scenes so far.
     let peak = if is_own_peak { "peak_memory_mib" } else { "process_peak_memory_mib" };
     report.insert(peak.to_owned(), json!(memory::find_peak_mib()));
+    if let Some(dispatches) = dispatches {
+        report.insert("dispatches".to_owned(), json!(dispatches));
+    }
     if let Some(lists) = engine.device_lists() {
         let bytes: u64 = lists.iter().map(|(_, bytes)| bytes).sum();
         report.insert("device_memory_mib".to_owned(), json!(bytes >> 20));

@@ -10,7 +10,7 @@ use super::{Buf, Feature, Features, Record};
 use crate::error::Error;
 use std::collections::HashMap;
 use std::num::NonZeroU32;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Most bytes that are copied back at a time, unless one list has more.
@@ -38,6 +38,7 @@ pub struct Gpu {
     /// Those that no recording holds.
     arenas: Arc<Mutex<Vec<Arena>>>,
     account: Arc<Account>,
+    dispatches: AtomicU64,
     /// The first thing that went wrong on the device.
     problem: Arc<Mutex<Option<String>>>,
 }
@@ -129,6 +130,7 @@ impl Gpu {
             reload: Mutex::default(),
             arenas: Arc::default(),
             account: Arc::default(),
+            dispatches: AtomicU64::default(),
             problem: Arc::default(),
         };
         gpu.loops = gpu.guard(|| Loops::new(&gpu))?;
@@ -196,6 +198,16 @@ impl Gpu {
     /// Bytes of all buffers and textures that are held at present, by name, the most first.
     pub fn lists(&self) -> Vec<(&'static str, u64)> {
         self.account.list()
+    }
+
+    /// Dispatches that were recorded so far, those without a workgroup among them: each waits for
+    /// the one before.
+    pub fn dispatches(&self) -> u64 {
+        self.dispatches.load(Ordering::Relaxed)
+    }
+
+    pub(super) fn count_dispatch(&self) {
+        self.dispatches.fetch_add(1, Ordering::Relaxed);
     }
 
     /// Keeps account of memory that is no [`Buf`], until the account is dropped.

@@ -277,6 +277,7 @@ impl<'g> Recorder<'g> {
             Some(key) => self.gpu.account().groups.get(key, make),
             None => make(),
         };
+        self.gpu.count_dispatch();
         self.waiting.push(Waiting::Run { kernel: K::INFO, group, grid });
     }
 

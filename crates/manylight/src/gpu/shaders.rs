@@ -91,6 +91,7 @@ const FILES: &[(&str, &str)] = shaders![
     "gather/grid/gpu/build/join_extent_subgroups",
     "gather/grid/gpu/build/keys",
     "gather/grid/gpu/build/moments",
+    "gather/grid/gpu/build/octant_sums",
     "gather/grid/gpu/build/octants",
     "gather/grid/gpu/build/own",
     "gather/grid/gpu/build/place",

@@ -163,12 +163,21 @@ impl Work {
     }
 }
 
+/// What a frame was recorded with.
+#[derive(Debug)]
+pub(super) struct Origin {
+    generation: Arc<()>,
+    lit: Arc<()>,
+}
+
 /// The buffers of a frame.
 #[derive(Debug)]
 pub(super) struct Buffers {
     shape: Shape,
     /// Another one whenever a list is another one.
     generation: Arc<()>,
+    /// Another one whenever the lights of the scene are others.
+    lit: Arc<()>,
     pub receivers: GpuReceivers,
     pub work: Work,
 }
@@ -198,7 +207,7 @@ impl Buffers {
             }
         };
         let work = Work::new(gpu, &shape, settings, room)?;
-        Ok(Self { shape, generation: Arc::default(), receivers, work })
+        Ok(Self { shape, generation: Arc::default(), lit: Arc::default(), receivers, work })
     }
 
     /// Whether they are those of frames of a size with some settings.
@@ -214,9 +223,27 @@ impl Buffers {
         sets.iter_mut().for_each(SetRoom::forget_levels);
     }
 
-    /// Stays the same as long as every list does.
-    pub fn generation(&self) -> &Arc<()> {
-        &self.generation
+    /// Forgets how much work light paths and levels were, now and when frames recorded before are
+    /// looked at: the lights are others.
+    pub fn forget_work(&mut self) {
+        self.lit = Arc::default();
+        self.forget_learned_work();
+    }
+
+    fn forget_learned_work(&mut self) {
+        let Work { emitted, bounced, .. } = &mut self.work;
+        emitted.iter_mut().chain(bounced).for_each(Lights::forget_work);
+    }
+
+    /// What a frame that is recorded now is recorded with.
+    pub fn origin(&self) -> Origin {
+        let Self { generation, lit, .. } = self;
+        Origin { generation: generation.clone(), lit: lit.clone() }
+    }
+
+    /// Whether every list is what it was.
+    pub fn are_of(&self, origin: &Origin) -> bool {
+        Arc::ptr_eq(&self.generation, &origin.generation)
     }
 
     /// The gathers of a frame of the grid method, in the order of their light's way.
@@ -260,6 +287,24 @@ impl Buffers {
         self.work.lights().map(|lights| lights.take_needs(&mut bytes)).collect()
     }
 
+    /// As [`Buffers::grown`], by a frame of an engine: its lights may be gone since.
+    ///
+    /// Errors: as that
+    pub fn grown_since(
+        self,
+        gpu: &Gpu,
+        settings: &Settings,
+        needs: &[Needs],
+        origin: &Origin,
+    ) -> Result<(Self, bool), Error> {
+        let is_lit_alike = Arc::ptr_eq(&self.lit, &origin.lit);
+        let (mut grown, lacked) = self.grown(gpu, settings, needs)?;
+        if !is_lit_alike {
+            grown.forget_learned_work();
+        }
+        Ok((grown, lacked))
+    }
+
     /// Makes room for what a frame would have needed; tells whether it lacked any.
     ///
     /// Errors: more than the device can hold; then nothing is left
@@ -286,7 +331,8 @@ impl Buffers {
         // What grows must not stand beside what it was.
         drop(work);
         let work = Work::new(gpu, &shape, settings, room)?;
-        Ok((Self { shape, generation: Arc::default(), receivers, work }, true))
+        let (generation, lit) = Default::default();
+        Ok((Self { shape, generation, lit, receivers, work }, true))
     }
 }
 

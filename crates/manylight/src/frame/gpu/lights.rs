@@ -5,7 +5,7 @@ use crate::error::Error;
 use crate::gather::grid::DETAIL;
 use crate::gather::grid::gpu::{
     GatherInput, GatherOut, GatherStats, GpuGrid, GridBuild, GridCapacity, GridInfo, GridRules,
-    Reach,
+    Reach, fine_levels,
 };
 use crate::gpu::{Gpu, Memory, Pool, Recorder, take_record};
 use crate::settings::{MAX_LEVELS, Method, Settings};
@@ -28,6 +28,8 @@ pub(super) struct Gathered {
     pub out: GatherOut,
     /// Most levels, where more would make too many grid lights.
     level_cap: u32,
+    /// See [`GridRules::fine_levels`].
+    fine_levels: u32,
 }
 
 /// What a set has room for, as far as frames have told.
@@ -117,10 +119,12 @@ impl Lights {
 
     /// Builds the grid.
     pub fn build(&self, rec: &mut Recorder<'_>, settings: &Settings, d_min: f32) {
-        let Some(Gathered { grid, build, level_cap, .. }) = &self.gathered else { return };
+        let Some(Gathered { grid, build, level_cap, fine_levels, .. }) = &self.gathered else {
+            return;
+        };
         rec.stage("grid");
         let mut rules = GridRules::new(&settings.grid, DETAIL * d_min);
-        rules.level_cap = *level_cap;
+        (rules.level_cap, rules.fine_levels) = (*level_cap, *fine_levels);
         build.record(rec, &self.vpls, &rules, grid);
     }
 
@@ -148,6 +152,16 @@ impl Lights {
     pub fn forget_levels(&mut self) {
         if let Some(gathered) = &mut self.gathered {
             gathered.level_cap = MAX_LEVELS;
+        }
+    }
+
+    /// Forgets how much work light paths and levels were: the lights are others.
+    pub fn forget_work(&mut self) {
+        if let Tracer::Paths(tracer) = &mut self.tracer {
+            tracer.forget_rounds();
+        }
+        if let Some(gathered) = &mut self.gathered {
+            gathered.fine_levels = MAX_LEVELS;
         }
     }
 
@@ -183,18 +197,20 @@ impl Lights {
     ) -> bool {
         self.info = needs.vpls;
         let mut lacked = false;
-        if let Tracer::Paths(tracer) = &mut self.tracer
-            && self.info.missing > 0
-        {
-            room.rounds = Some(tracer.rounds().saturating_mul(2));
-            lacked = true;
+        if let Tracer::Paths(tracer) = &mut self.tracer {
+            lacked = self.info.missing > 0;
+            match lacked {
+                true => room.rounds = Some(tracer.rounds().saturating_mul(2)),
+                false => tracer.learn_rounds(&self.info),
+            }
         }
-        let Some(gathered) = &self.gathered else { return lacked };
+        let Some(gathered) = &mut self.gathered else { return lacked };
         (self.grid_lights, self.reach) = (needs.grid.light_count, needs.reach);
         if let Some(capacity) = gathered.build.capacity().grown(gpu, &needs.grid) {
             room.grid = Some(capacity);
             return true;
         }
+        gathered.fine_levels = fine_levels(&needs.grid);
         match GridRules::new(&settings.grid, 0.0).next_cap(&needs.grid) {
             None => lacked,
             cap => {
@@ -219,6 +235,7 @@ impl Gathered {
             grid: GpuGrid::new(gpu, &capacity)?,
             out: GatherOut::new(gpu, width, height)?,
             level_cap: room.level_cap.unwrap_or(MAX_LEVELS),
+            fine_levels: MAX_LEVELS,
         })
     }
 }

@@ -12,7 +12,8 @@ struct VplInfo {
     path_count: u32,
     // Lights that the rounds did not reach.
     missing: u32,
-    _pad: u32,
+    // Rounds that traced any.
+    rounds: u32,
 }
 
 // max(0, n_x·w) · max(0, −n·w) · min(1/d², 1/d_min²), 1/m²; twin of vpl::geometry.

@@ -4,6 +4,7 @@
 //! Nothing is submitted, waited for or read back on the way. What a frame would have needed comes
 //! back by itself; where a buffer was too small it grows, and the frames after it lack nothing.
 
+use super::buffers::Origin;
 use super::{Buffers, GpuPast, GpuRenderer, Job, Renderer, check_size, noise, nothing_shines};
 use crate::composite::store::record_store;
 use crate::emitter::Emitters;
@@ -15,7 +16,6 @@ use crate::surface::ViewFrame;
 use crate::surface::gpu::{ReceiverTextures, check_texture};
 use manylight_scene::{Camera, Light, Sky};
 use std::mem::{swap, take};
-use std::sync::Arc;
 
 /// Which points of the scene are lit: one for every pixel.
 #[derive(Clone, Copy, Debug)]
@@ -51,8 +51,7 @@ pub(super) struct InFlight {
 #[derive(Debug)]
 struct Recorded {
     needs: Later,
-    /// That of the buffers it was recorded with.
-    generation: Arc<()>,
+    origin: Origin,
     settings: Settings,
 }
 
@@ -112,8 +111,8 @@ impl GpuRenderer {
             });
             Ok((buffers, past, needs))
         })?;
-        let generation = buffers.generation().clone();
-        self.in_flight.frames.push(Recorded { needs, generation, settings });
+        let origin = buffers.origin();
+        self.in_flight.frames.push(Recorded { needs, origin, settings });
         (self.buffers, self.past) = (Some(buffers), past);
         Ok(())
     }
@@ -177,7 +176,7 @@ impl GpuRenderer {
         mut lights: Vec<Light>,
         mut sky: Option<Sky>,
     ) -> Result<(), Error> {
-        let Self { gpu, renderer, scene, forgets_levels, .. } = self;
+        let Self { gpu, renderer, scene, buffers, forgets_levels, .. } = self;
         let Renderer { world, emitters, .. } = &mut **renderer;
         swap(&mut world.scene.lights, &mut lights);
         swap(&mut world.scene.sky, &mut sky);
@@ -187,7 +186,10 @@ impl GpuRenderer {
             false => gpu.guard(|| scene.set_sources(gpu, &pack(world, &relit))),
         };
         match done {
-            Ok(()) => (*emitters, *forgets_levels) = (relit, true),
+            Ok(()) => {
+                (*emitters, *forgets_levels) = (relit, true);
+                buffers.iter_mut().for_each(Buffers::forget_work);
+            }
             Err(_) => {
                 swap(&mut world.scene.lights, &mut lights);
                 swap(&mut world.scene.sky, &mut sky);
@@ -201,10 +203,11 @@ impl Recorded {
     /// Makes room for what the frame lacked; whether it may have lacked any.
     fn grow(self, gpu: &Gpu, buffers: &mut Option<Buffers>, bytes: &[u8]) -> Result<bool, Error> {
         // Others than those it was recorded with have grown, or serve other frames.
-        let own = buffers.take_if(|b| Arc::ptr_eq(b.generation(), &self.generation));
+        let own = buffers.take_if(|b| b.are_of(&self.origin));
         let Some(own) = own else { return Ok(true) };
         let needs = own.parse_needs(bytes);
-        let (own, lacked) = gpu.guard(|| own.grown(gpu, &self.settings, &needs))?;
+        let (own, lacked) =
+            gpu.guard(|| own.grown_since(gpu, &self.settings, &needs, &self.origin))?;
         *buffers = Some(own);
         Ok(lacked)
     }

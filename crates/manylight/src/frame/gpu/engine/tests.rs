@@ -241,6 +241,35 @@ fn other_lights_are_those_of_a_new_renderer() {
 }
 
 #[test]
+fn later_frames_need_fewer_dispatches_until_the_lights_change() {
+    let Some(mut rented) = Rented::new(only_a_lamp) else { return };
+    let (camera, view) = (rented.camera.clone(), rented.target());
+    let frame = |rented: &mut Rented| {
+        let before = rented.renderer().gpu().dispatches();
+        let mut encoder = rented.encoder();
+        rented.record(&mut encoder, &camera, 1, &composite(&view));
+        let dispatches = rented.renderer().gpu().dispatches() - before;
+        assert!(!rented.submit(encoder), "the buffers had their size");
+        (dispatches, read(rented.renderer().gpu(), &view))
+    };
+    // Buffers grow, and what was learned on the way is forgotten.
+    rented.render(&settings(), 1);
+    rented.renderer().set_lights(vec![lamp()], None).expect("lights");
+    let (first, picture) = frame(&mut rented);
+    let (second, same) = frame(&mut rented);
+    assert!(second + 20 < first, "{first} dispatches, then {second}");
+    assert!(same == picture);
+    // What a frame tells of lights that are gone since is not learned.
+    let mut encoder = rented.encoder();
+    rented.record(&mut encoder, &camera, 1, &composite(&view));
+    rented.renderer().set_lights(vec![sun()], None).expect("lights");
+    rented.submit(encoder);
+    let (other, _) = frame(&mut rented);
+    let (last, _) = frame(&mut rented);
+    assert!(other == first && last < other, "{first}, {other}, then {last}");
+}
+
+#[test]
 fn darkness_is_refused_and_the_lights_stay() {
     let Some(mut rented) = Rented::new(only_a_lamp) else { return };
     let before = rented.render(&settings(), 1).layers.beauty();
@@ -340,11 +369,11 @@ fn a_frame_that_is_rendered_again_is_added_once() {
         let GpuRenderer { gpu, buffers, .. } = rented.renderer();
         let buffers = buffers.as_mut().expect("buffers");
         buffers.lose_room(gpu, &settings);
-        let before = buffers.generation().clone();
+        let before = buffers.origin();
         let frame = rented.renderer().render_next(&camera, SIZE, &settings, n as u32, &|_, _| ());
         assert!(frame.expect("frame").layers.beauty() == *expected, "frame {n}");
-        let after = rented.renderer().buffers.as_ref().expect("buffers").generation();
-        assert!(!std::sync::Arc::ptr_eq(&before, after), "frame {n} was not rendered again");
+        let after = rented.renderer().buffers.as_ref().expect("buffers");
+        assert!(!after.are_of(&before), "frame {n} was not rendered again");
     }
 }
 

@@ -61,7 +61,8 @@ kernel! {
 
 kernel! {
     /// Corrects alpha.
-    struct AlphaAdjust = "gather/grid/gpu/alpha_adjust", [32, 1, 1], [CONSTANTS, RECORD_CONSTANTS];
+    struct AlphaAdjust = "gather/grid/gpu/alpha_adjust", [ASKED as u32, 1, 1],
+        [CONSTANTS, RECORD_CONSTANTS];
     uniform wanted: Wanted, shared info: GridInfo, read counts: u32, write reach: Reach
 }
 

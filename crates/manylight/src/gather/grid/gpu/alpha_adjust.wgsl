@@ -11,8 +11,12 @@ struct Wanted {
 @group(0) @binding(2) var<storage, read> counts: array<u32>;
 @group(0) @binding(3) var<storage, read_write> reach: array<Reach>;
 
+var<workgroup> evals: atomic<u32>;
+
 @compute @workgroup_size(GROUP_X)
 fn main(@builtin(local_invocation_index) local: u32) {
+    atomicAdd(&evals, counts[local]);
+    workgroupBarrier();
     if local > 0u || reach[0].is_done != 0u {
         return;
     }
@@ -20,11 +24,8 @@ fn main(@builtin(local_invocation_index) local: u32) {
         reach[0].is_done = 1u;
         return;
     }
-    var evals = 0u;
-    for (var i = 0u; i < ASKED; i++) {
-        evals += counts[i];
-    }
-    let factor = f32(wanted.evals) * f32(reach[0].asked) / f32(max(evals, 1u));
+    let seen = max(atomicLoad(&evals), 1u);
+    let factor = f32(wanted.evals) * f32(reach[0].asked) / f32(seen);
     let alpha = reach[0].alpha;
     let corrected = clamp(alpha * pow(factor, 1.0 / GROWTH), LEAST_ALPHA, MOST_ALPHA);
     let step = round(log2(corrected) * PER_DOUBLING);

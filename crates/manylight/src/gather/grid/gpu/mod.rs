@@ -8,7 +8,7 @@ mod params;
 pub mod record;
 mod upload;
 
-pub use build::{GridBuild, GridRules};
+pub use build::{GridBuild, GridRules, fine_levels};
 pub use capacity::GatherCapacity;
 pub use gather::{Gather, GatherInput, GatherOut};
 pub use params::{GatherStats, Reach};

@@ -63,8 +63,10 @@ fn main(@builtin(local_invocation_index) local: u32) {
     var now = state;
     if params.first == 1u {
         now = TraceState(0u, 0u, 0u);
+        info.rounds = 0u;
     }
     if now.batch > 0u {
+        info.rounds++;
         let taken = paths_taken(now.batch, params.count - now.light_count);
         now.light_count += offsets[taken];
         now.path_count += taken;

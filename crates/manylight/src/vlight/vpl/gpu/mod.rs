@@ -37,8 +37,8 @@ record! {
         pub path_count: u32,
         /// Lights that are wanted and that more rounds would find; 0 in a complete set.
         pub missing: u32,
-        /// Nothing.
-        pub _pad: u32,
+        /// Rounds of light paths that it took.
+        pub rounds: u32,
     }
 }
 

@@ -20,6 +20,7 @@ fn main(
         info.count = offsets[params.count];
         info.path_count = select(0u, params.count, has_surface_emitter());
         info.missing = 0u;
+        info.rounds = 0u;
     }
     if index >= params.count {
         return;

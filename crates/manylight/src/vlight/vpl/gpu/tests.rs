@@ -99,13 +99,19 @@ fn a_set_is_the_same_whatever_the_batches_are() {
     let lit = &scenes(gpu)[0];
     let (count, bounces) = (1500, 3);
     let expected = traced(gpu, lit, count, bounces);
-    assert_eq!(traced(gpu, lit, count, bounces), expected);
-    for batch in [299, 2000] {
-        let tracer = VplTracer::with_batch(gpu, count, bounces, batch).expect("tracer");
+    assert!(traced(gpu, lit, count, bounces) == expected);
+    for (batch, rounds) in [(299, 4), (2000, 1)] {
+        let mut tracer = VplTracer::with_batch(gpu, count, bounces, batch).expect("tracer");
         let found = trace_with(gpu, &lit.scene, &tracer, count, bounces);
-        assert_eq!(found, expected, "batches of {batch}");
-        // The memory of one set serves the next.
-        assert_eq!(trace_with(gpu, &lit.scene, &tracer, count, bounces), expected);
+        assert_eq!(found.0, VplInfo { rounds, ..expected.0 }, "batches of {batch}");
+        assert!(found.1 == expected.1, "batches of {batch}");
+        // The memory of one set serves the next, and it has no more rounds than it needs.
+        let first_rounds = tracer.rounds();
+        tracer.learn_rounds(&found.0);
+        assert!(tracer.rounds() == rounds + 1 && rounds + 1 < first_rounds);
+        assert!(trace_with(gpu, &lit.scene, &tracer, count, bounces) == found);
+        tracer.forget_rounds();
+        assert_eq!(tracer.rounds(), first_rounds);
     }
 }
 
@@ -134,10 +140,11 @@ fn too_few_rounds_are_told_and_more_make_up_for_them() {
     let mut tracer = VplTracer::with_batch(gpu, count, bounces, 200).expect("tracer");
     tracer.set_rounds(3);
     let (info, found) = trace_with(gpu, &lit.scene, &tracer, count, bounces);
-    assert_eq!((info.path_count, info.count), (600, found.len() as u32));
+    assert_eq!((info.path_count, info.count, info.rounds), (600, found.len() as u32, 3));
     assert_eq!(info.missing, count - info.count);
     tracer.set_rounds(30);
-    assert_eq!(trace_with(gpu, &lit.scene, &tracer, count, bounces), expected);
+    let (info, found) = trace_with(gpu, &lit.scene, &tracer, count, bounces);
+    assert!(found == expected.1 && info.missing == 0);
     tracer.set_rounds(u32::MAX);
     assert!(tracer.rounds() < 5000);
 }

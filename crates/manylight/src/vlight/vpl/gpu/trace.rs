@@ -115,8 +115,9 @@ pub struct VplTracer {
     bounces: u32,
     /// Most paths of a round.
     batch: u32,
-    /// Rounds that are recorded.
+    /// Rounds that are recorded, and how many of them before any set has told.
     rounds: u32,
+    first_rounds: u32,
     slots: Buf<VplRecord>,
     /// Lights of each path of a batch, then lights before each.
     offsets: Buf<u32>,
@@ -142,12 +143,14 @@ impl VplTracer {
         batch: u32,
     ) -> Result<Self, Error> {
         let expected = u64::from(count) * u64::from(EXPECTED_PATHS_PER_LIGHT);
+        // A small first one, those expected, and one for what they miss by chance.
+        let rounds = 2 + expected.min(path_limit(count)).div_ceil(batch.into()) as u32;
         Ok(Self {
             count,
             bounces,
             batch,
-            // A small first one, those expected, and one for what they miss by chance.
-            rounds: 2 + expected.min(path_limit(count)).div_ceil(batch.into()) as u32,
+            rounds,
+            first_rounds: rounds,
             slots: memory.list("virtual lights of a batch", (batch * bounces) as usize)?,
             offsets: memory.list("virtual lights per path", batch as usize + 1)?,
             scan: Scan::new(memory, batch as usize + 1)?,
@@ -156,9 +159,19 @@ impl VplTracer {
         })
     }
 
-    /// Rounds that are recorded; a round without anything left to do costs next to nothing.
+    /// Rounds that are recorded; one without anything left to do still costs its dispatches.
     pub fn rounds(&self) -> u32 {
         self.rounds
+    }
+
+    /// As many rounds as a complete set took, and one for what the next misses by chance.
+    pub fn learn_rounds(&mut self, info: &VplInfo) {
+        self.set_rounds(info.rounds.saturating_add(1));
+    }
+
+    /// As many rounds as before any set: the light, or what it meets, is another.
+    pub fn forget_rounds(&mut self) {
+        self.rounds = self.first_rounds;
     }
 
     /// Changes the rounds, where [`VplInfo::missing`] said that they were too few.

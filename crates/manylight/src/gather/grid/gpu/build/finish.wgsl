@@ -8,12 +8,11 @@ import package::gather::grid::gpu::record;
 @group(0) @binding(1) var<storage, read> cells: array<Cell>;
 @group(0) @binding(2) var<storage, read> lights: array<GridLight>;
 @group(0) @binding(3) var<storage, read_write> info: array<GridInfo>;
-// Workgroups over all lights, over the lights of each level, and one for each of
-// level 1.
+// Workgroups over the octants of all lights, and over those of each level.
 @group(0) @binding(4) var<storage, read_write> groups: array<array<u32, 3>>;
 
-fn write_groups(entry: u32, items: u32) {
-    let n = groups_for(items, ITEM_GROUP);
+fn write_groups(entry: u32, lights: u32) {
+    let n = groups_for(8u * lights, OCTANT_GROUP);
     groups[entry] = array<u32, 3>(n.x, n.y, n.z);
 }
 
@@ -33,9 +32,6 @@ fn main() {
         write_groups(level, select(0u, count, is_whole));
     }
     write_groups(0u, select(0u, total, is_whole));
-    // A workgroup for every light of level 1.
-    let n = groups_for(select(0u, info[0].levels[1].light_count, is_whole), 1u);
-    groups[LEVEL_ENTRIES] = array<u32, 3>(n.x, n.y, n.z);
     if !is_whole {
         info[0].level_count = 0u;
     }

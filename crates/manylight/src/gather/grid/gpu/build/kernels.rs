@@ -14,10 +14,20 @@ use crate::vlight::vpl::gpu::{VplInfo, VplRecord};
 const CROWDED: u32 = 512;
 /// Invocations of such a workgroup.
 const CROWDED_GROUP: u32 = 64;
+/// Such workgroups; where there are more vertices they take several.
+pub(super) const CROWDED_GROUPS: u32 = 1024;
+/// Invocations of a workgroup that has eight for each grid light.
+const OCTANT_GROUP: u32 = 128;
+
+/// Most crowded vertices of a number of virtual lights: each light lies around eight vertices.
+pub(super) fn most_crowded(vpls: usize) -> usize {
+    8 * vpls / CROWDED as usize
+}
 
 const CONSTANTS: &[Constant] = &[
     Constant { name: "MAX_GROUPS", value: Value::U32(MAX_GROUPS) },
     Constant { name: "ITEM_GROUP", value: Value::U32(GROUP) },
+    Constant { name: "OCTANT_GROUP", value: Value::U32(OCTANT_GROUP) },
     Constant { name: "MAX_LEVELS", value: Value::U32(MAX_LEVELS) },
     Constant { name: "MIN_LEVELS", value: Value::U32(MIN_LEVELS) },
     Constant { name: "LEFT_OUT", value: Value::U32(LEFT_OUT) },
@@ -84,20 +94,24 @@ record! {
 }
 
 record! {
-    /// What the shares of one level need.
+    /// What the shares of some levels need.
     pub(super) struct ShareParams {
-        /// Level.
-        pub level: u32,
+        /// Finest of them.
+        pub first_level: u32,
+        /// Coarsest.
+        pub last_level: u32,
         /// Where blocks of blocks begin in the list.
         pub first_superblock: u32,
     }
 }
 
 record! {
-    /// What the grid lights of one level need.
+    /// What the grid lights of some levels need.
     pub(super) struct LevelParams {
-        /// Level.
-        pub level: u32,
+        /// Finest of them.
+        pub first_level: u32,
+        /// Coarsest.
+        pub last_level: u32,
     }
 }
 
@@ -105,7 +119,8 @@ kernel! {
     /// Empties what is counted in.
     pub(super) struct Begin = "gather/grid/gpu/build/begin", [GROUP, 1, 1],
         [CONSTANTS, RECORD_CONSTANTS];
-    shared vpl_info: VplInfo, write extent: Extent, write splits: u32, write sort_count: u32
+    shared vpl_info: VplInfo, write extent: Extent, write splits: u32, write sort_count: u32,
+    write crowded: u32
 }
 
 kernel! {
@@ -168,7 +183,7 @@ kernel! {
 }
 
 kernel! {
-    /// Shares of the cells of one level.
+    /// Shares of the cells of some levels.
     pub(super) struct Share = "gather/grid/gpu/build/share", [GROUP, 1, 1],
         [CONSTANTS, RECORD_CONSTANTS];
     uniform params: ShareParams, shared info: GridInfo, read points: [f32; 4],
@@ -214,10 +229,11 @@ kernel! {
 
 kernel! {
     /// Grid lights of level 1.
-    pub(super) struct SumVpls = "gather/grid/gpu/build/sum_vpls", [GROUP, 1, 1],
+    pub(super) struct SumVpls = "gather/grid/gpu/build/sum_vpls", [OCTANT_GROUP, 1, 1],
         [CONSTANTS, RECORD_CONSTANTS];
     shared info: GridInfo, read cells: CellRecord, read octants: OctantsRecord,
-    read vpls: VplRecord, read points: [f32; 4], write lights: GridLightRecord
+    read vpls: VplRecord, read points: [f32; 4], write lights: GridLightRecord,
+    write crowded: u32
 }
 
 kernel! {
@@ -225,12 +241,13 @@ kernel! {
     pub(super) struct SumCrowded = "gather/grid/gpu/build/sum_crowded", [CROWDED_GROUP, 1, 1],
         [CONSTANTS, RECORD_CONSTANTS];
     shared info: GridInfo, read cells: CellRecord, read octants: OctantsRecord,
-    read vpls: VplRecord, read points: [f32; 4], write lights: GridLightRecord
+    read vpls: VplRecord, read points: [f32; 4], write lights: GridLightRecord,
+    read crowded: u32
 }
 
 kernel! {
-    /// Grid lights of one level.
-    pub(super) struct SumLevel = "gather/grid/gpu/build/sum_level", [GROUP, 1, 1],
+    /// Grid lights of some levels.
+    pub(super) struct SumLevel = "gather/grid/gpu/build/sum_level", [OCTANT_GROUP, 1, 1],
         [CONSTANTS, RECORD_CONSTANTS];
     uniform params: LevelParams, shared info: GridInfo, read cells: CellRecord,
     read octants: OctantsRecord, write lights: GridLightRecord
@@ -238,7 +255,7 @@ kernel! {
 
 kernel! {
     /// Luminances around each vertex.
-    pub(super) struct Octants = "gather/grid/gpu/build/octants", [GROUP, 1, 1],
+    pub(super) struct Octants = "gather/grid/gpu/build/octants", [OCTANT_GROUP, 1, 1],
         [CONSTANTS, RECORD_CONSTANTS];
     shared info: GridInfo, read shares: [f32; 8], write octants: OctantsRecord
 }

@@ -8,10 +8,12 @@
 mod kernels;
 mod sort;
 
-use super::record::{BLOCK, GpuGrid, GridCapacity, GridInfo, LEVEL_ENTRIES, SUPERBLOCK, blocks_of};
+use super::record::{
+    BLOCK, GpuGrid, GridCapacity, GridInfo, LEVEL_ENTRIES, LevelInfo, SUPERBLOCK, blocks_of,
+};
 use crate::error::Error;
 use crate::gpu::scan::Scan;
-use crate::gpu::{Buf, Memory, Recorder};
+use crate::gpu::{Buf, Kernel, Memory, Recorder};
 use crate::settings::{GridSettings, MAX_LEVELS, MIN_LEVELS};
 use crate::vlight::vpl::gpu::GpuVpls;
 use kernels::*;
@@ -23,6 +25,8 @@ const CELL_BLOCK: u32 = 1024;
 const KEY_BITS: u32 = 3 * MAX_LEVELS;
 /// Most grid lights of level 1 per virtual light, where the device chooses the levels.
 const MOST_PER_VPL: u32 = 4;
+/// Most cells and grid lights of a level that one workgroup sums up beside others.
+const COARSE: u32 = 64;
 
 /// How a hierarchy is built.
 #[derive(Clone, Copy, Debug)]
@@ -34,6 +38,9 @@ pub struct GridRules {
     /// Most levels where the device chooses them; [`MAX_LEVELS`] unless
     /// [`GridRules::next_cap`] asked for less.
     pub level_cap: u32,
+    /// Levels, from the finest, of which each is summed up by as many workgroups as it keeps busy;
+    /// one workgroup goes through those above. For speed alone: see [`fine_levels`].
+    pub fine_levels: u32,
 }
 
 impl GridRules {
@@ -41,7 +48,15 @@ impl GridRules {
     pub fn new(settings: &GridSettings, detail: f32) -> Self {
         let lobes = if settings.lobes == 1 { 1 } else { 6 };
         let GridSettings { levels, start_level, .. } = *settings;
-        Self { levels, start_level, lobes, detail, level_cap: MAX_LEVELS }
+        let (level_cap, fine_levels) = (MAX_LEVELS, MAX_LEVELS);
+        Self { levels, start_level, lobes, detail, level_cap, fine_levels }
+    }
+
+    /// First and last level of each step of a sum that begins at some level.
+    fn steps(&self, first: u32) -> impl Iterator<Item = (u32, u32)> + use<> {
+        let coarse = (self.fine_levels + 1).clamp(first, MAX_LEVELS + 1);
+        let rest = (coarse <= MAX_LEVELS).then_some((coarse, MAX_LEVELS));
+        (first..coarse).map(|level| (level, level)).chain(rest)
     }
 
     /// The levels that a build should have had at most, where level 1 has too many lights: only a
@@ -51,6 +66,13 @@ impl GridRules {
         let too_many = lights > MOST_PER_VPL * info.vpl_count;
         (self.levels.is_none() && too_many && levels > MIN_LEVELS).then(|| levels - 1)
     }
+}
+
+/// The fine levels of builds like a finished one; see [`GridRules::fine_levels`].
+pub fn fine_levels(info: &GridInfo) -> u32 {
+    let is_fine = |level: &LevelInfo| level.cell_count.max(level.light_count) > COARSE;
+    let levels = &info.levels[1..=info.level_count as usize];
+    levels.iter().rposition(is_fine).map_or(0, |last| last as u32 + 1)
 }
 
 /// Memory of builds, one after another.
@@ -73,8 +95,10 @@ pub struct GridBuild {
     shares: Buf<[f32; 8]>,
     /// Workgroups over all cells, then over those of each level.
     cell_groups: Buf<[u32; 3]>,
-    /// The same for grid lights, and a workgroup for each light of level 1.
+    /// The same for the octants of grid lights.
     light_groups: Buf<[u32; 3]>,
+    /// How many grid lights of level 1 are crowded, and which.
+    crowded: Buf<u32>,
 }
 
 impl GridBuild {
@@ -99,7 +123,8 @@ impl GridBuild {
             owned_scan: Scan::new(memory, capacity.cells + 1)?,
             shares: memory.list("shares of cells", capacity.cells)?,
             cell_groups: gpu.buffer("workgroups over cells", LEVEL_ENTRIES)?,
-            light_groups: gpu.buffer("workgroups over grid lights", LEVEL_ENTRIES + 1)?,
+            light_groups: gpu.buffer("workgroups over grid lights", LEVEL_ENTRIES)?,
+            crowded: memory.list("crowded grid lights", 1 + most_crowded(capacity.vpls))?,
         })
     }
 
@@ -120,9 +145,9 @@ impl GridBuild {
     ) {
         self.record_order(rec, vpls, rules, grid);
         self.record_cells(rec, grid);
-        self.record_shares(rec, vpls, grid);
+        self.record_shares(rec, vpls, rules, grid);
         self.record_vertices(rec, grid);
-        self.record_lights(rec, grid);
+        self.record_lights(rec, rules, grid);
     }
 
     /// The order of the lights and the number of levels.
@@ -133,9 +158,9 @@ impl GridBuild {
         rules: &GridRules,
         grid: &GpuGrid,
     ) {
-        let Self { extent, splits, sort, sort_count, cell_groups, .. } = self;
+        let Self { extent, splits, sort, sort_count, cell_groups, crowded, .. } = self;
         let (vpl_info, lights, count) = (&vpls.info, &vpls.lights, vpls.lights.len());
-        rec.dispatch(&Begin { vpl_info, extent, splits, sort_count }, [1, 1, 1]);
+        rec.dispatch(&Begin { vpl_info, extent, splits, sort_count, crowded }, [1, 1, 1]);
         rec.dispatch_items(&Bounds { vpl_info, lights, extent }, count);
         let params = rec.uniform(&KeyParams { lobes: rules.lobes });
         let items = &sort.items;
@@ -165,7 +190,13 @@ impl GridBuild {
     }
 
     /// The virtual lights in order, and what cells share to their corners.
-    fn record_shares(&self, rec: &mut Recorder<'_>, from: &GpuVpls, grid: &GpuGrid) {
+    fn record_shares(
+        &self,
+        rec: &mut Recorder<'_>,
+        from: &GpuVpls,
+        rules: &GridRules,
+        grid: &GpuGrid,
+    ) {
         let GpuGrid { info, cells, vpls, points, blocks, .. } = grid;
         let items = &self.sort.items;
         let lights = &from.lights;
@@ -176,10 +207,10 @@ impl GridBuild {
             let count = self.capacity.vpls.div_ceil(size);
             rec.dispatch_items(&Blocks { params, info, points, blocks }, count);
         }
-        for level in 1..=MAX_LEVELS {
-            let params = rec.uniform(&ShareParams { level, first_superblock });
+        for (first_level, last_level) in rules.steps(1) {
+            let params = rec.uniform(&ShareParams { first_level, last_level, first_superblock });
             let share = Share { params, info, points, blocks, cells, shares: &self.shares };
-            rec.dispatch_indirect(&share, &self.cell_groups, level as usize);
+            record_levels(rec, &share, &self.cell_groups, (first_level, last_level));
         }
     }
 
@@ -197,19 +228,32 @@ impl GridBuild {
     }
 
     /// The grid lights, from level to level.
-    fn record_lights(&self, rec: &mut Recorder<'_>, grid: &GpuGrid) {
+    fn record_lights(&self, rec: &mut Recorder<'_>, rules: &GridRules, grid: &GpuGrid) {
         let GpuGrid { info, cells, lights, octants, vpls, points, .. } = grid;
-        let groups = &self.light_groups;
-        let sum = SumVpls { info, cells, octants, vpls, points, lights };
+        let Self { light_groups: groups, crowded, .. } = self;
+        let sum = SumVpls { info, cells, octants, vpls, points, lights, crowded };
         rec.dispatch_indirect(&sum, groups, 1);
-        let crowded = SumCrowded { info, cells, octants, vpls, points, lights };
-        rec.dispatch_indirect(&crowded, groups, LEVEL_ENTRIES);
-        for level in 2..=MAX_LEVELS {
-            let params = rec.uniform(&LevelParams { level });
+        let sum = SumCrowded { info, cells, octants, vpls, points, lights, crowded };
+        rec.dispatch(&sum, [CROWDED_GROUPS.min(crowded.len() as u32 - 1), 1, 1]);
+        for (first_level, last_level) in rules.steps(2) {
+            let params = rec.uniform(&LevelParams { first_level, last_level });
             let sum = SumLevel { params, info, cells, octants, lights };
-            rec.dispatch_indirect(&sum, groups, level as usize);
+            record_levels(rec, &sum, groups, (first_level, last_level));
         }
         rec.dispatch_indirect(&Octants { info, shares: &self.shares, octants }, groups, 0);
+    }
+}
+
+/// One level by as many workgroups as were counted for it, more by a single one.
+fn record_levels<K: Kernel>(
+    rec: &mut Recorder<'_>,
+    kernel: &K,
+    groups: &Buf<[u32; 3]>,
+    (first, last): (u32, u32),
+) {
+    match first == last {
+        true => rec.dispatch_indirect(kernel, groups, first as usize),
+        false => rec.dispatch(kernel, [1; 3]),
     }
 }
 

@@ -21,6 +21,11 @@ fn add_share(m: ptr<function, Moments>, light: vec4f, normal: vec3f, share: f32,
     (*m).normal += normal * mass;
 }
 
+fn join(a: Moments, b: Moments) -> Moments {
+    return Moments(a.light + b.light, a.offset + b.offset, a.offset_sq + b.offset_sq,
+        a.normal + b.normal);
+}
+
 fn vertex_of(light: GridLight) -> vec3u {
     let xy = light.vertex_xy;
     return vec3u(xy & 0xffffu, xy >> 16u, light.vertex_z_lobe & 0xffffu);

@@ -1,4 +1,4 @@
-// Luminance of every grid light's share in each cell around its vertex.
+// Luminance of every grid light's share in each cell around its vertex: an invocation each.
 import package::gpu::index;
 import package::gather::grid::gpu::record;
 
@@ -12,18 +12,18 @@ fn main(
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) local: u32,
 ) {
-    let light = item_index(group, groups, local);
+    let item = item_index(group, groups, local);
+    let light = item / 8u;
+    let octant = item % 8u;
     if light >= info.light_count || info.level_count == 0u {
         return;
     }
-    for (var octant = 0u; octant < 8u; octant++) {
-        let cell = octants[light].cells[octant];
-        if cell == NONE {
-            octants[light].luminance[octant] = 0.0;
-            octants[light].cells[octant] = 0u;
-        } else {
-            // Seen from its corner, the cell lies on the other side.
-            octants[light].luminance[octant] = shares[cell][7u - octant];
-        }
+    let cell = octants[light].cells[octant];
+    if cell == NONE {
+        octants[light].luminance[octant] = 0.0;
+        octants[light].cells[octant] = 0u;
+    } else {
+        // Seen from its corner, the cell lies on the other side.
+        octants[light].luminance[octant] = shares[cell][7u - octant];
     }
 }

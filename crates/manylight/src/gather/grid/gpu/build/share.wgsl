@@ -1,11 +1,12 @@
-// What the cells of one level share to their corners, and to those of the coarser cells around
-// them; twin of share_of_cells and widen.
+// What the cells of some levels share to their corners, and to those of the coarser cells around
+// them; twin of share_of_cells and widen. More than one level takes a single workgroup.
 import package::gpu::index;
 import package::gather::grid::gpu::record;
 import package::gather::grid::gpu::build::share_points;
 
 struct ShareParams {
-    level: u32,
+    first_level: u32,
+    last_level: u32,
     first_superblock: u32,
 }
 
@@ -63,26 +64,38 @@ fn widen(own: array<f32, 8>, octant: u32) -> array<f32, 8> {
     return share;
 }
 
+// Of a cell of a level.
+fn share_of_cell(level: u32, index: u32) -> array<f32, 8> {
+    if level == 1u {
+        return share_of_lights(cells[index].light, cells[index + 1u].light);
+    }
+    var sum: array<f32, 8>;
+    for (var i = cells[index].inner; i < cells[index + 1u].inner; i++) {
+        sum = add(sum, cells[i].share);
+    }
+    return sum;
+}
+
 @compute @workgroup_size(GROUP_X)
 fn main(
     @builtin(workgroup_id) group: vec3u,
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) local: u32,
 ) {
-    let place = info.levels[params.level];
-    let item = item_index(group, groups, local);
-    if item >= place.cell_count || info.level_count == 0u {
-        return;
-    }
-    let index = place.first_cell + item;
-    var own: array<f32, 8>;
-    if params.level == 1u {
-        own = share_of_lights(cells[index].light, cells[index + 1u].light);
-    } else {
-        for (var i = cells[index].inner; i < cells[index + 1u].inner; i++) {
-            own = add(own, cells[i].share);
+    let invocations = groups.x * groups.y * GROUP_X;
+    let last_level = min(params.last_level, info.level_count);
+    for (var level = params.first_level; level <= last_level; level++) {
+        let place = info.levels[level];
+        // Without room for all of them there will be no hierarchy.
+        let is_whole = place.first_cell + place.cell_count < arrayLength(&cells);
+        let count = select(0u, place.cell_count, is_whole);
+        for (var item = item_index(group, groups, local); item < count; item += invocations) {
+            let index = place.first_cell + item;
+            let share = share_of_cell(level, index);
+            shares[index] = share;
+            cells[index].share = widen(share, cells[index].octant_owned & 7u);
         }
+        // The next level reads what this one wrote.
+        storageBarrier();
     }
-    shares[index] = own;
-    cells[index].share = widen(own, cells[index].octant_owned & 7u);
 }

@@ -197,6 +197,40 @@ fn the_device_builds_what_the_processor_builds() {
 }
 
 #[test]
+fn it_does_not_matter_which_levels_one_workgroup_sums_up() {
+    let Some(gpu) = device() else { return };
+    let lights = on_walls(4000);
+    let mut rules = GridRules::new(&GridSettings::default(), 0.05);
+    let expected = build(gpu, &lights, &rules);
+    let fine = fine_levels(&expected.info);
+    assert!(fine > 1 && fine < expected.info.level_count, "{fine} fine levels");
+    for fine_levels in [0, 1, fine, expected.info.level_count, MAX_LEVELS - 1] {
+        rules.fine_levels = fine_levels;
+        let found = build(gpu, &lights, &rules);
+        assert!(found.lights == expected.lights, "{fine_levels} fine levels");
+        assert!(found.cells == expected.cells && found.octants == expected.octants);
+    }
+}
+
+#[test]
+fn fine_levels_end_at_the_last_that_is_large() {
+    let level =
+        |cell_count, light_count| LevelInfo { cell_count, light_count, ..LevelInfo::default() };
+    let mut info = GridInfo { level_count: 4, ..GridInfo::default() };
+    info.levels[1..6].copy_from_slice(&[
+        level(900, 2000),
+        level(COARSE, COARSE + 1),
+        level(9, COARSE),
+        level(6, 40),
+        level(5000, 5000),
+    ]);
+    assert_eq!(fine_levels(&info), 2);
+    assert_eq!(fine_levels(&GridInfo::default()), 0);
+    info.levels[4].cell_count = COARSE + 1;
+    assert_eq!(fine_levels(&info), 4);
+}
+
+#[test]
 fn without_lights_there_are_no_levels() {
     let Some(gpu) = device() else { return };
     let dark = vec![Vpl::default(); 100];
