@@ -3,10 +3,11 @@
 use super::adapter::{GpuOptions, MOST_TEXTURES, choose, device_descriptor, lacks};
 use super::buffer::{Account, HeldBytes};
 use super::loops::{Loops, Watch};
+use super::pipelines::PipelineKey;
 use super::recorder::{Arena, Recorder};
 #[cfg(debug_assertions)]
 use super::reload::Reload;
-use super::{Buf, Feature, Features, Record};
+use super::{Buf, Feature, Features, Record, SceneGroup};
 use crate::error::Error;
 use std::collections::HashMap;
 use std::num::NonZeroU32;
@@ -29,8 +30,9 @@ pub struct Gpu {
     scene_layout: wgpu::BindGroupLayout,
     /// Whether its driver makes all turns of a loop.
     loops: Loops,
+    /// By the path of the shader, and what is in its scene.
+    pub(super) pipelines: Mutex<HashMap<PipelineKey, wgpu::ComputePipeline>>,
     /// By the path of the shader.
-    pub(super) pipelines: Mutex<HashMap<&'static str, wgpu::ComputePipeline>>,
     pub(super) stage_layouts: Mutex<HashMap<&'static str, wgpu::BindGroupLayout>>,
     /// Shader files that may change; locked after `pipelines`.
     #[cfg(debug_assertions)]
@@ -390,7 +392,7 @@ impl Gpu {
     }
 
     /// A recorder of one submission; `scene` is what kernels find in group 1.
-    pub fn record<'g>(&'g self, scene: Option<&'g wgpu::BindGroup>) -> Recorder<'g> {
+    pub fn record<'g>(&'g self, scene: Option<&'g SceneGroup>) -> Recorder<'g> {
         #[cfg(debug_assertions)]
         self.reload_shaders();
         Recorder::new(self, scene)
@@ -403,7 +405,7 @@ impl Gpu {
     pub fn record_into<'g, T>(
         &'g self,
         encoder: &'g mut wgpu::CommandEncoder,
-        scene: Option<&'g wgpu::BindGroup>,
+        scene: Option<&'g SceneGroup>,
         work: impl FnOnce(&mut Recorder<'g>) -> T,
     ) -> T {
         #[cfg(debug_assertions)]

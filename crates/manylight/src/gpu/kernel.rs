@@ -1,7 +1,7 @@
 //! Declaring kernels: a shader's entry point with everything it is bound to.
 
-use super::Place;
 use super::recorder::UniformMemory;
+use super::{Place, SceneTraits};
 
 /// How a kernel uses what is bound to a port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,6 +52,8 @@ pub enum Value {
     I32(i32),
     /// `f32`
     F32(f32),
+    /// `bool`
+    Bool(bool),
 }
 
 /// Everything there is to know about a kernel without a device.
@@ -168,17 +170,21 @@ macro_rules! kernel {
 pub(crate) use kernel;
 
 impl KernelInfo {
-    /// The constants as shader text, and the size of its workgroup.
-    pub(super) fn prefix(&self) -> String {
+    /// The constants as shader text, the size of its workgroup, and what is in its scene.
+    pub(super) fn prefix(&self, traits: SceneTraits) -> String {
         let mut text = String::new();
+        let traits = self.scene.then(|| traits.constants()).into_iter().flatten();
+        let traits = traits.map(|(name, value)| Constant { name, value });
         let group = ["GROUP_X", "GROUP_Y", "GROUP_Z"].into_iter().zip(self.workgroup);
         let group = group.map(|(name, n)| Constant { name, value: Value::U32(n) });
-        for constant in group.chain(self.constants.iter().copied().flatten().copied()) {
+        let own = self.constants.iter().copied().flatten().copied();
+        for constant in group.chain(own).chain(traits) {
             let (kind, value) = match constant.value {
                 Value::U32(v) => ("u32", format!("{v}u")),
                 Value::I32(v) => ("i32", format!("{v}i")),
                 // All digits that matter; a decimal point or an exponent makes it a float.
                 Value::F32(v) => ("f32", format!("{v:e}f")),
+                Value::Bool(v) => ("bool", v.to_string()),
             };
             text += &format!("const {}: {kind} = {value};\n", constant.name);
         }

@@ -1,6 +1,6 @@
 //! One shader text from a file and what it imports.
 
-use super::{Features, KernelInfo, Variant};
+use super::{Features, KernelInfo, SceneTraits, Variant};
 use std::collections::HashSet;
 
 /// Shader files, and which take the place of others where a device offers more.
@@ -23,8 +23,9 @@ pub fn link(
     kernel: &KernelInfo,
     sources: Sources<'_>,
     features: Features,
+    traits: SceneTraits,
 ) -> Result<String, String> {
-    let text = kernel.prefix();
+    let text = kernel.prefix(traits);
     let mut linker =
         Linker { sources, features, enabled: String::new(), text, done: HashSet::new() };
     linker.add(kernel.shader, &mut Vec::new())?;
@@ -103,7 +104,7 @@ mod tests {
     fn linked(shader: &'static str) -> Result<String, String> {
         let kernel =
             KernelInfo { shader, workgroup: [4, 1, 1], scene: false, constants: &[], ports: &[] };
-        link(&kernel, SOURCES, Features::NONE)
+        link(&kernel, SOURCES, Features::NONE, SceneTraits::ALL)
     }
 
     #[test]
@@ -115,12 +116,29 @@ mod tests {
             constants: &[],
             ports: &[],
         };
-        let half = link(&kernel, SOURCES, Features::only(Feature::Half)).expect("linked");
+        let with = |feature| link(&kernel, SOURCES, Features::only(feature), SceneTraits::ALL);
+        let half = with(Feature::Half).expect("linked");
         assert!(half.starts_with("enable f16;\nconst"), "{half}");
         assert!(half.contains("fn d() -> f16 {}") && half.matches("fn b_half()").count() == 1);
         assert!(!half.contains("fn d() {}"));
-        let other = link(&kernel, SOURCES, Features::only(Feature::Bindless)).expect("linked");
+        let other = with(Feature::Bindless).expect("linked");
         assert_eq!(other, linked("a").expect("linked"));
+    }
+
+    #[test]
+    fn kernels_that_look_at_a_scene_know_what_is_in_it() {
+        let kernel = |scene| KernelInfo {
+            shader: "b",
+            workgroup: [4, 1, 1],
+            scene,
+            constants: &[],
+            ports: &[],
+        };
+        let traits = SceneTraits { placements: false, holes: true };
+        let text = |scene| link(&kernel(scene), SOURCES, Features::NONE, traits).expect("linked");
+        assert!(text(true).contains("const HAS_PLACEMENTS: bool = false;"));
+        assert!(text(true).contains("const HAS_HOLES: bool = true;"));
+        assert!(!text(false).contains("HAS_"));
     }
 
     #[test]

@@ -23,6 +23,7 @@ mod recorder;
 #[cfg(debug_assertions)]
 mod reload;
 pub mod scan;
+mod scene;
 mod shaders;
 #[cfg(test)]
 pub(crate) mod testing;
@@ -42,6 +43,7 @@ pub use linker::{Sources, link};
 pub use pace::Pace;
 pub use pool::{Memory, Phase, Pool, Together};
 pub use recorder::{Recorder, Uniform, UniformMemory};
+pub use scene::{SceneGroup, SceneTraits};
 pub use shaders::SHADERS;
 pub use timer::StageTime;
 

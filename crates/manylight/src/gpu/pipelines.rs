@@ -3,19 +3,31 @@
 #[cfg(doc)]
 use super::Recorder;
 use super::loops::with_last_loop;
-use super::{Gpu, KernelInfo, SHADERS, link};
+use super::{Gpu, KernelInfo, SHADERS, SceneTraits, link};
 use rayon::prelude::*;
 use std::sync::PoisonError;
 use std::sync::atomic::Ordering;
+
+/// Which pipeline: the path of its shader, and what is in its scene as far as that matters.
+pub(super) type PipelineKey = (&'static str, SceneTraits);
+
+/// The key of a kernel's pipeline for a scene.
+pub(super) fn key_of(kernel: &KernelInfo, traits: SceneTraits) -> PipelineKey {
+    (kernel.shader, traits.of_kernel(kernel))
+}
 
 impl Gpu {
     /// Builds those of some kernels that are not there yet, on all processors.
     ///
     /// Panics: where a shader does not link, which a test rules out
-    pub(super) fn build_pipelines(&self, kernels: impl Iterator<Item = &'static KernelInfo>) {
+    pub(super) fn build_pipelines(
+        &self,
+        kernels: impl Iterator<Item = &'static KernelInfo>,
+        traits: SceneTraits,
+    ) {
         let mut missing: Vec<_> = {
             let pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
-            kernels.filter(|kernel| !pipelines.contains_key(kernel.shader)).collect()
+            kernels.filter(|kernel| !pipelines.contains_key(&key_of(kernel, traits))).collect()
         };
         missing.sort_by_key(|kernel| kernel.shader);
         missing.dedup_by_key(|kernel| kernel.shader);
@@ -23,28 +35,38 @@ impl Gpu {
             return;
         }
         // Each thread is told its own errors: what fails is built again by who asks for it.
-        let build = |kernel| self.guard(|| Ok((kernel, self.first_pipeline(kernel)))).ok();
+        let build = |kernel| self.guard(|| Ok((kernel, self.first_pipeline(kernel, traits)))).ok();
         let built: Vec<_> = missing.into_par_iter().filter_map(build).collect();
         let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
         for (kernel, pipeline) in built {
-            pipelines.entry(kernel.shader).or_insert(pipeline);
+            pipelines.entry(key_of(kernel, traits)).or_insert(pipeline);
         }
     }
 
-    /// The pipeline of a kernel, built when it is first asked for.
+    /// The pipeline of a kernel for a scene, built when it is first asked for.
     ///
     /// Panics: where a shader does not link, which a test rules out
-    pub(super) fn pipeline(&self, kernel: &'static KernelInfo) -> wgpu::ComputePipeline {
+    pub(super) fn pipeline(
+        &self,
+        kernel: &'static KernelInfo,
+        traits: SceneTraits,
+    ) -> wgpu::ComputePipeline {
         let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
-        pipelines.entry(kernel.shader).or_insert_with(|| self.first_pipeline(kernel)).clone()
+        let pipeline = pipelines.entry(key_of(kernel, traits));
+        pipeline.or_insert_with(|| self.first_pipeline(kernel, traits)).clone()
     }
 
-    fn first_pipeline(&self, kernel: &'static KernelInfo) -> wgpu::ComputePipeline {
+    fn first_pipeline(
+        &self,
+        kernel: &'static KernelInfo,
+        traits: SceneTraits,
+    ) -> wgpu::ComputePipeline {
         #[cfg(debug_assertions)]
-        if let Some(pipeline) = self.build_from_folder(kernel) {
+        if let Some(pipeline) = self.build_from_folder(kernel, traits) {
             return pipeline;
         }
-        let text = link(kernel, SHADERS, self.features()).expect("a test links every shader");
+        let text = link(kernel, SHADERS, self.features(), traits);
+        let text = text.expect("a test links every shader");
         self.build(kernel, self.watched(kernel, text).expect("a test watches every shader"))
     }
 

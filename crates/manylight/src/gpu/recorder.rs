@@ -4,7 +4,8 @@ use super::groups::Key;
 use super::loops::LAST_LOOP_GROUP;
 use super::timer::Timer;
 use super::{
-    Bound, Buf, Gpu, HeldBytes, Kernel, KernelInfo, Later, MAX_GROUPS, Place, Record, StageTime,
+    Bound, Buf, Gpu, HeldBytes, Kernel, KernelInfo, Later, MAX_GROUPS, Place, Record, SceneGroup,
+    SceneTraits, StageTime,
 };
 use crate::error::Error;
 use std::marker::PhantomData;
@@ -110,14 +111,14 @@ pub struct Recorder<'g> {
     commands: Commands<'g>,
     waiting: Vec<Waiting>,
     pass: Option<wgpu::ComputePass<'static>>,
-    scene: Option<&'g wgpu::BindGroup>,
+    scene: Option<&'g SceneGroup>,
     arena: Arena,
     uniforms: Vec<u8>,
 }
 
 impl<'g> Recorder<'g> {
     /// An empty submission; `scene` is what kernels find in group 1.
-    pub fn new(gpu: &'g Gpu, scene: Option<&'g wgpu::BindGroup>) -> Self {
+    pub fn new(gpu: &'g Gpu, scene: Option<&'g SceneGroup>) -> Self {
         let encoder = gpu.device().create_command_encoder(&Default::default());
         let mut arena = gpu.take_arena();
         if let Some(timer) = &mut arena.timer {
@@ -131,7 +132,7 @@ impl<'g> Recorder<'g> {
     pub(super) fn lend<T>(
         gpu: &'g Gpu,
         encoder: &'g mut wgpu::CommandEncoder,
-        scene: Option<&'g wgpu::BindGroup>,
+        scene: Option<&'g SceneGroup>,
         work: impl FnOnce(&mut Self) -> T,
     ) -> T {
         let (commands, arena) = (Commands::Lent(encoder), gpu.take_arena());
@@ -149,7 +150,7 @@ impl<'g> Recorder<'g> {
     fn with(
         gpu: &'g Gpu,
         commands: Commands<'g>,
-        scene: Option<&'g wgpu::BindGroup>,
+        scene: Option<&'g SceneGroup>,
         arena: Arena,
     ) -> Self {
         let (waiting, uniforms) = (Vec::new(), Vec::new());
@@ -176,16 +177,22 @@ impl<'g> Recorder<'g> {
     /// Encodes what waits, with its pipelines.
     fn encode(&mut self) {
         let waiting = std::mem::take(&mut self.waiting);
-        self.gpu.build_pipelines(waiting.iter().filter_map(|w| match w {
+        let kernels = waiting.iter().filter_map(|w| match w {
             Waiting::Stage(_) => None,
             Waiting::Run { kernel, .. } => Some(*kernel),
-        }));
+        });
+        self.gpu.build_pipelines(kernels, self.traits());
         for command in waiting {
             match command {
                 Waiting::Stage(name) => self.begin_pass(name),
                 Waiting::Run { kernel, group, grid } => self.encode_run(kernel, &group, &grid),
             }
         }
+    }
+
+    /// What kernels are built for.
+    fn traits(&self) -> SceneTraits {
+        self.scene.map_or(SceneTraits::ALL, |scene| scene.traits)
     }
 
     fn begin_pass(&mut self, name: &'static str) {
@@ -202,11 +209,13 @@ impl<'g> Recorder<'g> {
         if self.pass.is_none() {
             self.begin_pass("unnamed");
         }
+        let pipeline = self.gpu.pipeline(kernel, self.traits());
         let pass = self.pass.as_mut().expect("begun above");
-        pass.set_pipeline(&self.gpu.pipeline(kernel));
+        pass.set_pipeline(&pipeline);
         pass.set_bind_group(0, group, &[]);
         if kernel.scene {
-            pass.set_bind_group(1, self.scene.expect("a scene for a kernel that needs it"), &[]);
+            let scene = self.scene.expect("a scene for a kernel that needs it");
+            pass.set_bind_group(1, &scene.group, &[]);
         }
         if let Some(watch) = self.gpu.watch() {
             pass.set_bind_group(LAST_LOOP_GROUP, &watch.group, &[]);

@@ -3,7 +3,8 @@
 //! In: a folder of shader files · Out: texts of kernels that changed and can be parsed
 //! Limits: ports, records and constants are Rust's, and change with a new build.
 
-use super::{Features, Gpu, KernelInfo, SHADERS, Sources, link};
+use super::pipelines::{PipelineKey, key_of};
+use super::{Features, Gpu, KernelInfo, SHADERS, SceneTraits, Sources, link};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::PoisonError;
@@ -20,7 +21,7 @@ pub(super) struct Reload {
     stamps: Vec<Stamp>,
     texts: Vec<String>,
     /// Kernels that are in use, and their texts.
-    kernels: HashMap<&'static str, (&'static KernelInfo, String)>,
+    kernels: HashMap<PipelineKey, (&'static KernelInfo, String)>,
     /// What was told last.
     told: Option<String>,
 }
@@ -57,27 +58,36 @@ impl Reload {
 
     /// Text of a kernel that is used for the first time; none where it cannot be parsed, which is
     /// told.
-    pub fn begin(&mut self, kernel: &'static KernelInfo, features: Features) -> Option<String> {
-        let text = self.link(kernel, features);
+    pub fn begin(
+        &mut self,
+        kernel: &'static KernelInfo,
+        features: Features,
+        traits: SceneTraits,
+    ) -> Option<String> {
+        let text = self.link(kernel, features, traits);
         let kept = text.clone().unwrap_or_default();
-        self.kernels.insert(kernel.shader, (kernel, kept));
+        self.kernels.insert(key_of(kernel, traits), (kernel, kept));
         text.map_err(|problem| self.tell(problem)).ok()
     }
 
     /// Kernels whose texts have changed, as far as they can be parsed; the others are told.
-    pub fn changed(&mut self, features: Features) -> Vec<(&'static KernelInfo, String)> {
+    pub fn changed(
+        &mut self,
+        features: Features,
+    ) -> Vec<(PipelineKey, &'static KernelInfo, String)> {
         if !self.read() {
             return Vec::new();
         }
         self.told = None;
         let mut changed = Vec::new();
-        let mut kernels: Vec<_> = self.kernels.values().map(|(kernel, _)| *kernel).collect();
-        kernels.sort_by_key(|kernel| kernel.shader);
-        for kernel in kernels {
-            match self.link(kernel, features) {
-                Ok(text) if self.kernels[kernel.shader].1 != text => {
-                    self.kernels.insert(kernel.shader, (kernel, text.clone()));
-                    changed.push((kernel, text));
+        let kernels = self.kernels.iter().map(|(&key, &(kernel, _))| (key, kernel));
+        let mut kernels: Vec<_> = kernels.collect();
+        kernels.sort_by_key(|(key, _)| key.0);
+        for (key, kernel) in kernels {
+            match self.link(kernel, features, key.1) {
+                Ok(text) if self.kernels[&key].1 != text => {
+                    self.kernels.insert(key, (kernel, text.clone()));
+                    changed.push((key, kernel, text));
                 }
                 Ok(_) => {}
                 Err(problem) => self.tell(problem),
@@ -89,10 +99,15 @@ impl Reload {
     /// Links and checks a kernel.
     ///
     /// Errors: one sentence with file and line
-    fn link(&self, kernel: &KernelInfo, features: Features) -> Result<String, String> {
+    fn link(
+        &self,
+        kernel: &KernelInfo,
+        features: Features,
+        traits: SceneTraits,
+    ) -> Result<String, String> {
         let files = SHADERS.files.iter().zip(&self.texts);
         let files: Vec<_> = files.map(|((path, _), text)| (*path, text.as_str())).collect();
-        let text = link(kernel, Sources { files: &files, ..SHADERS }, features)?;
+        let text = link(kernel, Sources { files: &files, ..SHADERS }, features, traits)?;
         check(&text).map(|()| text)
     }
 
@@ -134,10 +149,11 @@ impl Gpu {
     pub(super) fn build_from_folder(
         &self,
         kernel: &'static KernelInfo,
+        traits: SceneTraits,
     ) -> Option<wgpu::ComputePipeline> {
         let mut reload = self.reload.lock().unwrap_or_else(PoisonError::into_inner);
         let reload = reload.as_mut()?;
-        let text = reload.begin(kernel, self.features())?;
+        let text = reload.begin(kernel, self.features(), traits)?;
         self.try_build(kernel, text).map_err(|problem| reload.tell(problem)).ok()
     }
 
@@ -146,9 +162,9 @@ impl Gpu {
         let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
         let mut reload = self.reload.lock().unwrap_or_else(PoisonError::into_inner);
         let Some(reload) = reload.as_mut() else { return };
-        for (kernel, text) in reload.changed(self.features()) {
+        for (key, kernel, text) in reload.changed(self.features()) {
             match self.try_build(kernel, text) {
-                Ok(pipeline) => drop(pipelines.insert(kernel.shader, pipeline)),
+                Ok(pipeline) => drop(pipelines.insert(key, pipeline)),
                 Err(problem) => reload.tell(problem),
             }
         }

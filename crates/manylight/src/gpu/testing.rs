@@ -1,7 +1,7 @@
 //! The device of the tests.
 
 use super::loops::{LAST_LOOP_GROUP, with_last_loop};
-use super::{Access, Feature, Features, Gpu, GpuOptions, KernelInfo, SHADERS, link};
+use super::{Access, Feature, Features, Gpu, GpuOptions, KernelInfo, SHADERS, SceneTraits, link};
 use std::sync::OnceLock;
 use wgpu::naga;
 
@@ -56,15 +56,22 @@ pub(crate) fn device_with(feature: Feature) -> Option<Gpu> {
 /// form that every device can run, and in those for devices that offer more.
 pub(crate) fn check_kernel(kernel: &KernelInfo) {
     let name = kernel.shader;
-    let text = |features| {
-        link(kernel, SHADERS, features).unwrap_or_else(|e| panic!("{name} {features:?}: {e}"))
+    let text = |features, traits| {
+        link(kernel, SHADERS, features, traits)
+            .unwrap_or_else(|e| panic!("{name} {features:?}: {e}"))
     };
-    let base = text(Features::NONE);
-    check_text(kernel, &base, Features::NONE);
-    for features in Feature::ALL.map(Features::only).into_iter().chain([Features::ALL]) {
-        let text = text(features);
-        if text != base {
-            check_text(kernel, &text, features);
+    let full = text(Features::NONE, SceneTraits::ALL);
+    for traits in SceneTraits::COMBINATIONS {
+        let base = text(Features::NONE, traits);
+        if traits != SceneTraits::ALL && base == full {
+            continue;
+        }
+        check_text(kernel, &base, Features::NONE);
+        for features in Feature::ALL.map(Features::only).into_iter().chain([Features::ALL]) {
+            let text = text(features, traits);
+            if text != base {
+                check_text(kernel, &text, features);
+            }
         }
     }
 }

@@ -34,6 +34,9 @@ fn presence_at(instance: u32, triangle: u32, uv: vec2f) -> f32 {
 // Whether a triangle stops this ray: masked texels by their cutoff, blended ones with the
 // probability of their opacity, decided by a hash of ray and triangle.
 fn stops(ray: Ray, instance: u32, triangle: u32, uv: vec2f) -> bool {
+    if !HAS_HOLES {
+        return true;
+    }
     let presence = presence_at(instance, triangle, uv);
     if presence <= 0.0 || presence >= 1.0 {
         return presence > 0.0;

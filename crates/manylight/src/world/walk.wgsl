@@ -128,7 +128,8 @@ fn walk_scene(ray: Ray, any: bool) -> Hit {
     if scene.flat_count > 0u {
         hit = walk_tree(ray, ray, 0u, 0u, NONE, any);
     }
-    if scene.placement_count > 0u && !(any && hit.instance != NO_HIT) {
+    let is_stopped = any && hit.instance != NO_HIT;
+    if HAS_PLACEMENTS && scene.placement_count > 0u && !is_stopped {
         hit = walk_placements(ray, hit, any);
     }
     return hit;

@@ -24,7 +24,7 @@ use crate::error::Error;
 use crate::filter::gpu::GpuNoisy;
 use crate::filter::temporal::gpu::GpuHistory;
 use crate::gather::brute::gpu::GpuBrute;
-use crate::gpu::{Buf, Gpu, Later, Recorder, StageTime};
+use crate::gpu::{Buf, Gpu, Later, Recorder, SceneGroup, StageTime};
 use crate::math::{Sequence, hash_u32};
 use crate::settings::{Method, Settings};
 use crate::surface::ViewFrame;
@@ -123,7 +123,7 @@ impl GpuRenderer {
     }
 
     /// The scene as kernels that trace rays see it.
-    pub fn scene(&self) -> &wgpu::BindGroup {
+    pub fn scene(&self) -> &SceneGroup {
         self.scene.group()
     }
 

@@ -6,7 +6,9 @@
 
 use super::PIXEL_KEY;
 use crate::error::Error;
-use crate::gpu::{Buf, Constant, Gpu, MAX_GROUPS, Pace, Recorder, Value, kernel, record};
+use crate::gpu::{
+    Buf, Constant, Gpu, MAX_GROUPS, Pace, Recorder, SceneGroup, Value, kernel, record,
+};
 use crate::surface::ViewFrame;
 use crate::surface::gpu::ViewRecord;
 use crate::{bvh, direct, emitter, shadow, world};
@@ -140,7 +142,7 @@ impl GpuPaths {
     pub fn trace(
         &self,
         gpu: &Gpu,
-        scene: &wgpu::BindGroup,
+        scene: &SceneGroup,
         view: &ViewFrame,
         paths: &Paths,
         progress: &dyn Fn(f64),

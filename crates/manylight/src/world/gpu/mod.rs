@@ -18,10 +18,10 @@ pub use binary::BinaryWorld;
 use super::{EDGE_MARGIN, World};
 use crate::bvh::gpu::{BinaryNode, GpuTree, NODE_WORDS};
 use crate::error::Error;
-use crate::gpu::{Buf, Constant, Feature, Gpu, Value, kernel, record};
+use crate::gpu::{Buf, Constant, Feature, Gpu, SceneGroup, SceneTraits, Value, kernel, record};
 use glam::{Affine3A, Mat3, Vec3};
 use hardware::HardwareTree;
-use manylight_scene::{AlphaMode, Material, Mesh, Scene, TextureSlot, Wrap};
+use manylight_scene::{AlphaMode, Instance, Material, Mesh, Scene, TextureSlot, Wrap};
 use sky::SkyTexture;
 use textures::{Limits, Place, Plan, Textures, refused};
 
@@ -137,7 +137,7 @@ pub(crate) const KERNELS: &[&crate::gpu::KernelInfo] = &[&Cast::INFO, &CastBinar
 /// The scene on the device.
 #[derive(Debug)]
 pub struct GpuWorld {
-    group: wgpu::BindGroup,
+    group: SceneGroup,
     lists: Lists,
 }
 
@@ -190,7 +190,9 @@ impl GpuWorld {
             sky: SkyTexture::upload(gpu, &sources.sky)?,
             tree,
         };
-        Ok(Self { group: lists.group(gpu), lists })
+        let traits =
+            SceneTraits { placements: !world.placements.is_empty(), holes: world.any_holes() };
+        Ok(Self { group: SceneGroup { group: lists.group(gpu), traits }, lists })
     }
 
     /// Takes other sources. What was recorded before keeps those that it was recorded with.
@@ -200,12 +202,12 @@ impl GpuWorld {
         let sky = SkyTexture::upload(gpu, &sources.sky)?;
         self.lists.sources = gpu.upload(SOURCES, &sources.words)?;
         self.lists.sky = sky;
-        self.group = self.lists.group(gpu);
+        self.group.group = self.lists.group(gpu);
         Ok(())
     }
 
     /// Group 1 of kernels that trace rays.
-    pub fn group(&self) -> &wgpu::BindGroup {
+    pub fn group(&self) -> &SceneGroup {
         &self.group
     }
 }
@@ -390,6 +392,12 @@ impl Placed {
 }
 
 impl World {
+    /// Whether some rays pass some of its surfaces.
+    fn any_holes(&self) -> bool {
+        let material = |instance: &Instance| self.scene.meshes[instance.mesh as usize].material;
+        self.scene.instances.iter().any(|i| self.has_holes[material(i) as usize])
+    }
+
     /// Triangles that are copied, in the world.
     fn flat_corners(&self) -> Vec<Placed> {
         let placed = |&[instance, triangle]: &[u32; 2]| Placed {

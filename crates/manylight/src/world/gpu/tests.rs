@@ -27,9 +27,13 @@ fn rays(world: &World, count: u32) -> Vec<Ray> {
 
 fn cast(gpu: &Gpu, world: &World, rays: &[Ray], any: bool) -> Vec<HitRecord> {
     let scene = GpuWorld::new(gpu, world, &SourceLists::default()).expect("world");
+    cast_into(gpu, scene.group(), rays, any)
+}
+
+fn cast_into(gpu: &Gpu, scene: &SceneGroup, rays: &[Ray], any: bool) -> Vec<HitRecord> {
     let list = upload_rays(gpu, rays);
     let hits = gpu.buffer::<HitRecord>("hits", rays.len()).expect("hits");
-    let mut rec = gpu.record(Some(scene.group()));
+    let mut rec = gpu.record(Some(scene));
     let params = rec.uniform(&CastParams { count: rays.len() as u32, any: u32::from(any) });
     rec.dispatch_items(&Cast { params, rays: &list, hits: &hits }, rays.len());
     rec.submit().wait().expect("done");
@@ -144,6 +148,38 @@ fn assert_scenes_agree(gpu: &Gpu) {
             cast(gpu, &shared, &rays(&shared, 999), false),
         ];
         assert_eq!(a, b, "{name}: two runs");
+    }
+}
+
+#[test]
+fn kernels_leave_out_what_no_ray_meets_and_find_the_same() {
+    device().into_iter().for_each(check_traits);
+}
+
+#[test]
+fn ray_queries_leave_out_what_no_ray_meets_and_find_the_same() {
+    device_with_queries().into_iter().for_each(check_traits);
+}
+
+fn check_traits(gpu: &Gpu) {
+    let cornell = || manylight_scene::load("builtin:cornell").expect("scene").scene;
+    let worlds = [
+        (World::new(cornell()), [false, false]),
+        (World::sharing(cornell(), |_, _, _| true), [true, false]),
+        (World::new(scene_with_holes()), [false, true]),
+    ];
+    for (world, [placements, holes]) in worlds {
+        let world = world.expect("world");
+        let scene = GpuWorld::new(gpu, &world, &SourceLists::default()).expect("world");
+        let own = scene.group();
+        assert_eq!(own.traits, SceneTraits { placements, holes });
+        let full = SceneGroup { traits: SceneTraits::ALL, ..own.clone() };
+        let rays = rays(&world, 2048);
+        for any in [false, true] {
+            let found = cast_into(gpu, own, &rays, any);
+            assert!(found == cast_into(gpu, &full, &rays, any), "{:?}, any {any}", own.traits);
+            assert!(found.iter().any(|hit| hit.instance != u32::MAX));
+        }
     }
 }
 

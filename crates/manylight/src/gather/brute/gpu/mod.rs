@@ -5,7 +5,7 @@
 //! same whatever the runs are.
 
 use crate::error::Error;
-use crate::gpu::{Buf, Constant, Gpu, MAX_GROUPS, Pace, Value, kernel, record};
+use crate::gpu::{Buf, Constant, Gpu, MAX_GROUPS, Pace, SceneGroup, Value, kernel, record};
 use crate::surface::gpu::GpuReceivers;
 use crate::vlight::vpl::gpu::VplRecord;
 use crate::{bvh, direct, shadow, surface, world};
@@ -118,7 +118,7 @@ impl GpuBrute {
     pub fn gather(
         &self,
         gpu: &Gpu,
-        scene: &wgpu::BindGroup,
+        scene: &SceneGroup,
         receivers: &GpuReceivers,
         (lights, count): (&Buf<VplRecord>, usize),
         d_min: f32,
