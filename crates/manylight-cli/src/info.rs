@@ -108,8 +108,8 @@ pub fn run_devices(args: &JsonArg) -> Result<Outcome, Failure> {
     }
     let mut out = std::io::stdout().lock();
     writeln!(out, "{:<8}{cpu}", "cpu")?;
-    for adapter in &adapters {
-        writeln!(out, "{:<8}{}", "gpu", describe_adapter(adapter))?;
+    for (number, adapter) in (1..).zip(&adapters) {
+        writeln!(out, "{:<8}{}", format!("gpu #{number}"), describe_adapter(adapter))?;
     }
     if adapters.is_empty() {
         writeln!(out, "{:<8}none; needs a driver for Vulkan, Metal or DirectX 12", "gpu")?;

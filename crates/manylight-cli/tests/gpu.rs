@@ -94,6 +94,26 @@ fn a_device_that_is_not_there_is_named_with_those_that_are() {
 }
 
 #[test]
+fn a_device_is_chosen_by_its_number_too() {
+    let devices = devices();
+    for (n, device) in (1..).zip(&devices).filter(|(_, device)| device["lacks"].is_null()) {
+        let device = device["name"].as_str().expect("a name");
+        let set = format!("gpu.device=#{n}");
+        let quick = ["--size", "16x9", "--frames", "1", "--set", "vpls.count=200", "--json"];
+        let args = ["bench", "builtin:cornell", "--backend", "gpu", "--set", &set];
+        let output = manylight(&[&args[..], &quick].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        let used = json(&output)[0]["report"]["device"].to_string();
+        assert!(used.contains(device), "{set}: {used}");
+    }
+    let none = format!("gpu.device=#{}", devices.len() + 1);
+    let args = [&RENDER[..], &["--set", &none]].concat();
+    let expected =
+        if devices.is_empty() { "no graphics device found" } else { "no graphics device #" };
+    assert_refused(&args, &[expected]);
+}
+
+#[test]
 fn a_benchmark_tells_which_features_it_used() {
     if !has_device() {
         return;

@@ -206,7 +206,8 @@ group! {
 group! {
     /// The graphics device, where one renders.
     GpuSettings {
-        /// Part of its name, in any case; null: the fastest that is not emulated on the processor.
+        /// Part of its name, in any case, or its number among all, as in `#2`; null: the fastest
+        /// that is not emulated on the processor.
         device: Option<String> = None,
         /// Whether to take only what every device has: smallest limits, no optional feature. For
         /// finding out whether one of them makes a difference.

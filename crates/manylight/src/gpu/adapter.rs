@@ -13,7 +13,8 @@ pub(super) const MOST_TEXTURES: u32 = 1024;
 /// How to open a device.
 #[derive(Clone, Debug, Default)]
 pub struct GpuOptions {
-    /// Part of the adapter's name, in any case; `None`: the fastest.
+    /// Part of the adapter's name, in any case, or `#2`: the second of [`describe_adapters`];
+    /// `None`: the fastest.
     pub adapter: Option<String>,
     /// Takes only what every device has: `wgpu::Limits::defaults()` and no timestamps. Devices that
     /// are emulated are asked for one more list of a kernel, by which loops are watched.
@@ -119,18 +120,28 @@ fn rank(adapter: &AdapterDescription) -> u32 {
     }
 }
 
+/// The number of a device that is named by it: `#2`, the second.
+fn number_of(wanted: &str) -> Option<usize> {
+    wanted.strip_prefix('#')?.parse().ok()
+}
+
 /// The adapter that some options ask for.
 ///
 /// Errors: no adapter, none of that name, or what the chosen one lacks
 pub(super) fn choose(options: &GpuOptions) -> Result<(AdapterDescription, wgpu::Adapter), Error> {
-    let mut found: Vec<_> = adapters().into_iter().map(|a| (describe(&a), a)).collect();
-    found.sort_by_key(|(description, _)| rank(description));
-    let names = found.iter().map(|(d, _)| d.name.as_str()).collect::<Vec<_>>().join(", ");
+    let mut found: Vec<_> = (1..).zip(adapters().into_iter().map(|a| (describe(&a), a))).collect();
+    found.sort_by_key(|(_, (description, _))| rank(description));
+    let names = found.iter().map(|(_, (d, _))| d.name.as_str()).collect::<Vec<_>>().join(", ");
     let wanted = options.adapter.as_deref().unwrap_or("").to_lowercase();
-    let is_wanted = |d: &AdapterDescription| {
-        d.name.to_lowercase().contains(&wanted) && (options.software || d.kind != "software")
+    let is_wanted = |number: usize, d: &AdapterDescription| {
+        let is_named = match number_of(&wanted) {
+            Some(wanted) => number == wanted,
+            None => d.name.to_lowercase().contains(&wanted),
+        };
+        is_named && (options.software || d.kind != "software")
     };
-    let chosen = found.into_iter().find(|(d, _)| is_wanted(d));
+    let chosen = found.into_iter().find(|(number, (d, _))| is_wanted(*number, d));
+    let chosen = chosen.map(|(_, chosen)| chosen);
     let (description, adapter) = chosen.ok_or_else(|| {
         refused(match (names.as_str(), wanted.as_str()) {
             ("", _) => "no graphics device found; install its Vulkan, Metal or DirectX 12 \
@@ -145,9 +156,10 @@ pub(super) fn choose(options: &GpuOptions) -> Result<(AdapterDescription, wgpu::
                     part.to_lowercase()
                 )
             }
-            (names, wanted) => {
-                format!("no graphics device with {wanted:?} in its name; found: {names}")
-            }
+            (names, wanted) => match number_of(wanted) {
+                Some(_) => format!("no graphics device {wanted} that may render; found: {names}"),
+                None => format!("no graphics device with {wanted:?} in its name; found: {names}"),
+            },
         })
     })?;
     if let Some(lacks) = &description.lacks {

@@ -202,8 +202,8 @@ impl Gpu {
         self.account.list()
     }
 
-    /// Dispatches that were recorded so far, those without a workgroup among them: each waits for
-    /// the one before.
+    /// Dispatches that were recorded so far, those for which the device counts no workgroup among
+    /// them. Nearly all wait for the one before.
     pub fn dispatches(&self) -> u64 {
         self.dispatches.load(Ordering::Relaxed)
     }

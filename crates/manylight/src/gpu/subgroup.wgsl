@@ -13,6 +13,10 @@ var<private> subgroup_place: u32;
 
 // Where an invocation stands in the order of sums. All invocations must come here, once.
 fn place_of(local: u32) -> u32 {
+    if local == 0u {
+        atomicStore(&subgroups_seated, 0u);
+    }
+    workgroupBarrier();
     subgroup_place = subgroupExclusiveAdd(1u);
     subgroup_count = subgroupAdd(1u);
     // All come here, the others with nothing to add: after a branch that only some took, a device

@@ -58,7 +58,7 @@ pub(crate) fn check_kernel(kernel: &KernelInfo) {
     let name = kernel.shader;
     let text = |features, traits| {
         link(kernel, SHADERS, features, traits)
-            .unwrap_or_else(|e| panic!("{name} {features:?}: {e}"))
+            .unwrap_or_else(|e| panic!("{name} {features:?} {traits:?}: {e}"))
     };
     let full = text(Features::NONE, SceneTraits::ALL);
     for traits in SceneTraits::COMBINATIONS {

@@ -269,6 +269,30 @@ fn shaders_change_while_the_program_runs() {
     assert_eq!(sums(), [0, 5, 12]);
 }
 
+#[cfg(debug_assertions)]
+#[test]
+fn a_shader_that_changes_does_so_for_every_kind_of_scene() {
+    use super::reload::Reload;
+    use super::{SHADERS, SceneTraits};
+    let folder = std::env::temp_dir().join(format!("manylight-traits-{}", std::process::id()));
+    let shaders = Shaders(folder);
+    let mut reload = Reload::new(&shaders.0);
+    let cast = &crate::world::gpu::Cast::INFO;
+    let [full, .., bare] = SceneTraits::COMBINATIONS;
+    let texts = [full, bare].map(|traits| reload.begin(cast, Features::NONE, traits));
+    assert!(texts.iter().all(Option::is_some) && texts[0] != texts[1]);
+    assert!(reload.changed(Features::NONE).is_empty());
+    let (path, text) = SHADERS.files.iter().find(|file| file.0 == "world/cast").expect("a file");
+    shaders.write(path, &format!("{text}\nconst CHANGED = 1u;\n"));
+    let changed = reload.changed(Features::NONE);
+    let traits: Vec<_> = changed.iter().map(|(key, ..)| key.1).collect();
+    assert!(traits.len() == 2 && traits.contains(&full) && traits.contains(&bare), "{traits:?}");
+    for ((_, traits), _, text) in &changed {
+        let constant = format!("const HAS_PLACEMENTS: bool = {};", traits.placements);
+        assert!(text.contains(&constant) && text.contains("CHANGED"));
+    }
+}
+
 #[test]
 fn ray_queries_need_limits_that_leave_room() {
     let (offered, limits) = (wgpu::Features::all(), wgpu::Limits::defaults());

@@ -19,6 +19,9 @@ fn opacity_at(instance: u32, triangle: u32, uv: vec2f) -> f32 {
 
 // Probability that a ray meets a triangle at a point.
 fn presence_at(instance: u32, triangle: u32, uv: vec2f) -> f32 {
+    if !HAS_HOLES {
+        return 1.0;
+    }
     let material = material_at(instance);
     let mode = geometry[material + 7u];
     if mode == ALPHA_OPAQUE {
@@ -34,9 +37,6 @@ fn presence_at(instance: u32, triangle: u32, uv: vec2f) -> f32 {
 // Whether a triangle stops this ray: masked texels by their cutoff, blended ones with the
 // probability of their opacity, decided by a hash of ray and triangle.
 fn stops(ray: Ray, instance: u32, triangle: u32, uv: vec2f) -> bool {
-    if !HAS_HOLES {
-        return true;
-    }
     let presence = presence_at(instance, triangle, uv);
     if presence <= 0.0 || presence >= 1.0 {
         return presence > 0.0;

@@ -327,17 +327,21 @@ impl Buffers {
         if !lacked {
             return Ok((self, false));
         }
-        let Self { shape, receivers, work, .. } = self;
+        let Self { shape, lit, receivers, work, .. } = self;
         // What grows must not stand beside what it was.
         drop(work);
         let work = Work::new(gpu, &shape, settings, room)?;
-        let (generation, lit) = Default::default();
-        Ok((Self { shape, generation, lit, receivers, work }, true))
+        Ok((Self { shape, generation: Arc::default(), lit, receivers, work }, true))
     }
 }
 
 #[cfg(test)]
 impl Buffers {
+    /// Rounds of light paths that a frame records.
+    pub fn rounds(&self) -> u32 {
+        self.work.bounced.as_ref().map_or(0, Lights::rounds)
+    }
+
     /// Takes nearly all room from gathers: the next frame will lack it.
     pub fn lose_room(&mut self, gpu: &Gpu, settings: &Settings) {
         let tiny = GatherCapacity {

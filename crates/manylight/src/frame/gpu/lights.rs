@@ -8,7 +8,7 @@ use crate::gather::grid::gpu::{
     Reach, fine_levels,
 };
 use crate::gpu::{Gpu, Memory, Pool, Recorder, take_record};
-use crate::settings::{MAX_LEVELS, Method, Settings};
+use crate::settings::{GridSettings, MAX_LEVELS, Method, Settings};
 use crate::vlight::vpl::gpu::{EmitterTracer, GpuVpls, VplInfo, VplTracer};
 
 /// How a set is made.
@@ -28,8 +28,18 @@ pub(super) struct Gathered {
     pub out: GatherOut,
     /// Most levels, where more would make too many grid lights.
     level_cap: u32,
-    /// See [`GridRules::fine_levels`].
-    fine_levels: u32,
+    /// Of the last grid that was looked at.
+    fine: Option<FineLevels>,
+}
+
+/// How many levels of a grid were fine, see [`GridRules::fine_levels`], and what a grid must share
+/// with it to have as many.
+#[derive(Debug)]
+struct FineLevels {
+    count: u32,
+    grid: GridSettings,
+    d_min: Option<f32>,
+    level_cap: u32,
 }
 
 /// What a set has room for, as far as frames have told.
@@ -101,7 +111,7 @@ impl Lights {
             true => Tracer::Emitters(EmitterTracer::new(&making, count)?),
             false => {
                 let mut tracer = VplTracer::new(&making, count, bounces)?;
-                tracer.set_rounds(room.rounds.unwrap_or(tracer.rounds()));
+                room.rounds.into_iter().for_each(|rounds| tracer.raise_rounds(rounds));
                 Tracer::Paths(Box::new(tracer))
             }
         };
@@ -119,13 +129,12 @@ impl Lights {
 
     /// Builds the grid.
     pub fn build(&self, rec: &mut Recorder<'_>, settings: &Settings, d_min: f32) {
-        let Some(Gathered { grid, build, level_cap, fine_levels, .. }) = &self.gathered else {
-            return;
-        };
+        let Some(gathered) = &self.gathered else { return };
         rec.stage("grid");
         let mut rules = GridRules::new(&settings.grid, DETAIL * d_min);
-        (rules.level_cap, rules.fine_levels) = (*level_cap, *fine_levels);
-        build.record(rec, &self.vpls, &rules, grid);
+        rules.level_cap = gathered.level_cap;
+        rules.fine_levels = gathered.fine_levels(settings);
+        gathered.build.record(rec, &self.vpls, &rules, &gathered.grid);
     }
 
     /// Gathers from the grid.
@@ -161,7 +170,7 @@ impl Lights {
             tracer.forget_rounds();
         }
         if let Some(gathered) = &mut self.gathered {
-            gathered.fine_levels = MAX_LEVELS;
+            gathered.fine = None;
         }
     }
 
@@ -200,7 +209,10 @@ impl Lights {
         if let Tracer::Paths(tracer) = &mut self.tracer {
             lacked = self.info.missing > 0;
             match lacked {
-                true => room.rounds = Some(tracer.rounds().saturating_mul(2)),
+                true => {
+                    tracer.raise_rounds(tracer.rounds().saturating_mul(2));
+                    room.rounds = Some(tracer.rounds());
+                }
                 false => tracer.learn_rounds(&self.info),
             }
         }
@@ -210,13 +222,28 @@ impl Lights {
             room.grid = Some(capacity);
             return true;
         }
-        gathered.fine_levels = fine_levels(&needs.grid);
+        gathered.fine = Some(FineLevels {
+            count: fine_levels(&needs.grid),
+            grid: settings.grid.clone(),
+            d_min: settings.vpls.d_min,
+            level_cap: gathered.level_cap,
+        });
         match GridRules::new(&settings.grid, 0.0).next_cap(&needs.grid) {
             None => lacked,
             cap => {
                 room.level_cap = cap;
                 true
             }
+        }
+    }
+}
+
+#[cfg(test)]
+impl Lights {
+    pub fn rounds(&self) -> u32 {
+        match &self.tracer {
+            Tracer::Emitters(_) => 0,
+            Tracer::Paths(tracer) => tracer.rounds(),
         }
     }
 }
@@ -235,7 +262,17 @@ impl Gathered {
             grid: GpuGrid::new(gpu, &capacity)?,
             out: GatherOut::new(gpu, width, height)?,
             level_cap: room.level_cap.unwrap_or(MAX_LEVELS),
-            fine_levels: MAX_LEVELS,
+            fine: None,
         })
+    }
+
+    /// Fine levels of a grid by some settings, as far as one has told.
+    fn fine_levels(&self, settings: &Settings) -> u32 {
+        let is_alike = |fine: &&FineLevels| {
+            fine.level_cap == self.level_cap
+                && fine.grid == settings.grid
+                && fine.d_min == settings.vpls.d_min
+        };
+        self.fine.as_ref().filter(is_alike).map_or(MAX_LEVELS, |fine| fine.count)
     }
 }

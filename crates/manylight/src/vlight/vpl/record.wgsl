@@ -12,7 +12,7 @@ struct VplInfo {
     path_count: u32,
     // Lights that the rounds did not reach.
     missing: u32,
-    // Rounds that traced any.
+    // Rounds that traced paths; 0 for lights on emitters.
     rounds: u32,
 }
 

@@ -180,6 +180,8 @@ impl GpuWorld {
             packed.add_hierarchies(world);
             None
         };
+        // The hardware follows rays through one tree in any case.
+        let tree_is_one = tree.is_some();
         let lists = Lists {
             info: gpu.upload("scene", &[packed.info])?,
             nodes: gpu.upload("nodes of the hierarchy", &packed.nodes)?,
@@ -190,8 +192,10 @@ impl GpuWorld {
             sky: SkyTexture::upload(gpu, &sources.sky)?,
             tree,
         };
-        let traits =
-            SceneTraits { placements: !world.placements.is_empty(), holes: world.any_holes() };
+        let traits = SceneTraits {
+            placements: !world.placements.is_empty() || tree_is_one,
+            holes: world.any_holes(),
+        };
         Ok(Self { group: SceneGroup { group: lists.group(gpu), traits }, lists })
     }
 

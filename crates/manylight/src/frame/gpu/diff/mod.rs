@@ -239,7 +239,7 @@ impl<'a> Diff<'a> {
                 self.push_vpls(&BOUNCED, &expected, &vpls)?;
                 return Ok(expected);
             }
-            tracer.set_rounds(tracer.rounds().saturating_mul(2));
+            tracer.raise_rounds(tracer.rounds().saturating_mul(2));
         }
         Err(endless())
     }

@@ -240,6 +240,54 @@ fn other_lights_are_those_of_a_new_renderer() {
     assert!(rented.render(&settings(), 1).layers.beauty() == before);
 }
 
+/// A lamp of which one in some hundred paths meets the box.
+fn far_lamp(turn: u32) -> Light {
+    let position = Vec3::new(0.1 * turn as f32, 1.0, 40.0);
+    let (direction, intensity) = (Vec3::NEG_Z, Vec3::splat(4e4));
+    Light::Spot { position, direction, intensity, cos_outer: 0.9, cos_inner: 0.95 }
+}
+
+#[test]
+fn lights_that_change_every_frame_and_that_few_paths_find_are_complete_at_last() {
+    let relight = |scene: &mut Scene| {
+        only_a_lamp(scene);
+        scene.lights = vec![far_lamp(0)];
+    };
+    let Some(mut rented) = Rented::new(relight) else { return };
+    let (camera, view) = (rented.camera.clone(), rented.target());
+    let lacked: Vec<_> = (0..10)
+        .map(|turn| {
+            let mut encoder = rented.encoder();
+            rented.record(&mut encoder, &camera, turn, &composite(&view));
+            // What the frame tells comes back when its light is gone.
+            rented.renderer().set_lights(vec![far_lamp(turn + 1)], None).expect("lights");
+            rented.submit(encoder)
+        })
+        .collect();
+    let rounds = rented.renderer().buffers.as_ref().expect("buffers").rounds();
+    assert!(rounds > 3, "{rounds} rounds: as many as any light has");
+    assert!(lacked[0] && lacked[5..].iter().all(|lacked| !lacked), "{lacked:?}");
+}
+
+#[test]
+fn fine_levels_are_those_of_the_same_settings() {
+    let Some(mut rented) = Rented::new(only_a_lamp) else { return };
+    let camera = rented.camera.clone();
+    let mut dispatches = |grid_levels| {
+        let mut settings = settings();
+        settings.grid.levels = grid_levels;
+        let renderer = rented.renderer();
+        let before = renderer.gpu().dispatches();
+        renderer.time_frame(&camera, SIZE, &settings, false).expect("frame");
+        renderer.gpu().dispatches() - before
+    };
+    // Buffers grow with the first of each.
+    (dispatches(None), dispatches(Some(2)));
+    let first = [dispatches(None), dispatches(Some(2)), dispatches(None)];
+    let second = dispatches(None);
+    assert!(first.iter().all(|n| *n > second + 10), "{first:?}, then {second}");
+}
+
 #[test]
 fn later_frames_need_fewer_dispatches_until_the_lights_change() {
     let Some(mut rented) = Rented::new(only_a_lamp) else { return };

@@ -15,6 +15,10 @@ var<workgroup> evals: atomic<u32>;
 
 @compute @workgroup_size(GROUP_X)
 fn main(@builtin(local_invocation_index) local: u32) {
+    if local == 0u {
+        atomicStore(&evals, 0u);
+    }
+    workgroupBarrier();
     atomicAdd(&evals, counts[local]);
     workgroupBarrier();
     if local > 0u || reach[0].is_done != 0u {

@@ -18,6 +18,10 @@ fn main(
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) local: u32,
 ) {
+    if local == 0u {
+        atomicStore(&count, 0u);
+    }
+    workgroupBarrier();
     let run = group.y * groups.x + group.x;
     let pixel = run * GROUP_X + local;
     if pixel < params.pixels && positions[pixel].w < NO_SURFACE {

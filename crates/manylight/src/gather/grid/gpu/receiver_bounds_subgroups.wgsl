@@ -36,7 +36,10 @@ fn joined_high(first: u32) -> vec3f {
 
 // Joins the bounds of all invocations, which must all come here, once.
 fn join_all(own: Bounds, local: u32) -> Bounds {
-    // Brings subgroups together that came out of a loop one by one.
+    if local < 12u {
+        atomicStore(&bounds_words[local], 0u);
+    }
+    // Brings subgroups together that came out of a loop one by one, too.
     workgroupBarrier();
     let joined = Bounds(
         subgroupMin(own.low),

@@ -37,7 +37,7 @@ record! {
         pub path_count: u32,
         /// Lights that are wanted and that more rounds would find; 0 in a complete set.
         pub missing: u32,
-        /// Rounds of light paths that it took.
+        /// Rounds that traced paths; 0 for lights on emitters.
         pub rounds: u32,
     }
 }

@@ -149,6 +149,31 @@ fn too_few_rounds_are_told_and_more_make_up_for_them() {
     assert!(tracer.rounds() < 5000);
 }
 
+#[test]
+fn rounds_are_those_of_the_longest_set_and_a_lack_is_not_unlearned() {
+    let Some(gpu) = device() else { return };
+    let mut tracer = VplTracer::with_batch(gpu, 3000, 3, 200).expect("tracer");
+    let first = tracer.rounds();
+    let took = |rounds| VplInfo { rounds, ..VplInfo::default() };
+    let mut learned = |rounds| {
+        tracer.learn_rounds(&took(rounds));
+        tracer.rounds()
+    };
+    assert!(first > 40, "{first}");
+    assert_eq!([learned(16), learned(3), learned(17)], [19, 19, 20]);
+    tracer.forget_rounds();
+    assert_eq!(tracer.rounds(), first);
+    // More than before any set, however few were lacking.
+    tracer.learn_rounds(&took(3));
+    tracer.raise_rounds(2 * tracer.rounds());
+    assert_eq!(tracer.rounds(), first);
+    tracer.raise_rounds(2 * tracer.rounds());
+    tracer.learn_rounds(&took(3));
+    assert_eq!(tracer.rounds(), 2 * first);
+    tracer.forget_rounds();
+    assert_eq!(tracer.rounds(), 2 * first);
+}
+
 /// A scene without light, which no renderer takes.
 fn dark_scene(gpu: &Gpu) -> (World, Emitters, GpuWorld) {
     let mut shot = manylight_scene::builtin("cornell").expect("cornell");

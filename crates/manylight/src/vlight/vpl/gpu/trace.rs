@@ -115,9 +115,14 @@ pub struct VplTracer {
     bounces: u32,
     /// Most paths of a round.
     batch: u32,
-    /// Rounds that are recorded, and how many of them before any set has told.
+    /// Rounds that are recorded.
     rounds: u32,
+    /// How many of them before a set has told.
     first_rounds: u32,
+    /// Most that a set has taken.
+    most_taken: u32,
+    /// Whether fewer than `first_rounds` were once too few, so that no set is taken at its word.
+    has_lacked: bool,
     slots: Buf<VplRecord>,
     /// Lights of each path of a batch, then lights before each.
     offsets: Buf<u32>,
@@ -151,6 +156,8 @@ impl VplTracer {
             batch,
             rounds,
             first_rounds: rounds,
+            most_taken: 0,
+            has_lacked: false,
             slots: memory.list("virtual lights of a batch", (batch * bounces) as usize)?,
             offsets: memory.list("virtual lights per path", batch as usize + 1)?,
             scan: Scan::new(memory, batch as usize + 1)?,
@@ -164,20 +171,28 @@ impl VplTracer {
         self.rounds
     }
 
-    /// As many rounds as a complete set took, and one for what the next misses by chance.
+    /// As many rounds as the longest of all sets took, and some for what the next misses by chance;
+    /// no fewer than at first if those were once too few.
     pub fn learn_rounds(&mut self, info: &VplInfo) {
-        self.set_rounds(info.rounds.saturating_add(1));
+        self.most_taken = self.most_taken.max(info.rounds);
+        if !self.has_lacked {
+            self.set_rounds((self.most_taken + self.most_taken / 8).saturating_add(1));
+        }
     }
 
     /// As many rounds as before any set: the light, or what it meets, is another.
     pub fn forget_rounds(&mut self) {
-        self.rounds = self.first_rounds;
+        (self.rounds, self.most_taken) = (self.first_rounds, 0);
     }
 
-    /// Changes the rounds, where [`VplInfo::missing`] said that they were too few.
-    ///
+    /// At least so many rounds from now on, where [`VplInfo::missing`] said that there were too few.
+    pub fn raise_rounds(&mut self, rounds: u32) {
+        self.set_rounds(rounds.max(self.first_rounds));
+        (self.first_rounds, self.has_lacked) = (self.rounds, true);
+    }
+
     /// Never beyond those after which tracing gives up in any case.
-    pub fn set_rounds(&mut self, rounds: u32) {
+    pub(super) fn set_rounds(&mut self, rounds: u32) {
         let most = 2 + path_limit(self.count).div_ceil(self.batch.into());
         self.rounds = u64::from(rounds).clamp(1, most) as u32;
     }

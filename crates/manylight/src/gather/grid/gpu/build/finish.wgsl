@@ -11,8 +11,8 @@ import package::gather::grid::gpu::record;
 // Workgroups over the octants of all lights, and over those of each level.
 @group(0) @binding(4) var<storage, read_write> groups: array<array<u32, 3>>;
 
-fn write_groups(entry: u32, lights: u32) {
-    let n = groups_for(8u * lights, OCTANT_GROUP);
+fn write_groups(entry: u32, light_count: u32) {
+    let n = groups_for(8u * light_count, OCTANT_GROUP);
     groups[entry] = array<u32, 3>(n.x, n.y, n.z);
 }
 

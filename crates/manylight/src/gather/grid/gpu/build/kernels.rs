@@ -10,8 +10,8 @@ use crate::gpu::{Constant, GROUP, MAX_GROUPS, Value, kernel, record};
 use crate::settings::{MAX_LEVELS, MIN_LEVELS};
 use crate::vlight::vpl::gpu::{VplInfo, VplRecord};
 
-/// Virtual lights around a vertex from which on a workgroup sums them up.
-const CROWDED: u32 = 512;
+/// Virtual lights around a vertex beyond which a workgroup sums them up.
+pub(super) const CROWDED: u32 = 512;
 /// Invocations of such a workgroup.
 const CROWDED_GROUP: u32 = 64;
 /// Such workgroups; where there are more vertices they take several.
@@ -19,7 +19,7 @@ pub(super) const CROWDED_GROUPS: u32 = 1024;
 /// Invocations of a workgroup that has eight for each grid light.
 const OCTANT_GROUP: u32 = 128;
 
-/// Most crowded vertices of a number of virtual lights: each light lies around eight vertices.
+/// Most crowded vertices of a number of virtual lights: each lies in one cell, which has eight.
 pub(super) fn most_crowded(vpls: usize) -> usize {
     8 * vpls / CROWDED as usize
 }

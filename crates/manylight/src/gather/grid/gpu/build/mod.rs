@@ -68,11 +68,15 @@ impl GridRules {
     }
 }
 
-/// The fine levels of builds like a finished one; see [`GridRules::fine_levels`].
+/// The fine levels of builds like a finished one; see [`GridRules::fine_levels`]. All of them, where
+/// it says nothing.
 pub fn fine_levels(info: &GridInfo) -> u32 {
     let is_fine = |level: &LevelInfo| level.cell_count.max(level.light_count) > COARSE;
-    let levels = &info.levels[1..=info.level_count as usize];
-    levels.iter().rposition(is_fine).map_or(0, |last| last as u32 + 1)
+    let levels = (1..).zip(info.levels.iter().skip(1)).take(info.level_count as usize);
+    match info.level_count {
+        0 => MAX_LEVELS,
+        _ => levels.filter(|(_, level)| is_fine(level)).map(|(l, _)| l).last().unwrap_or(0),
+    }
 }
 
 /// Memory of builds, one after another.

@@ -26,6 +26,8 @@ fn main(
             add_vpls(&own, octants[index].cells[octant], octant, vertex, local, GROUP_X);
         }
         sums[local] = own;
+        // The first may write what the others have read of the light.
+        storageBarrier();
         for (var half = GROUP_X / 2u; half > 0u; half /= 2u) {
             workgroupBarrier();
             if local < half {

@@ -196,6 +196,23 @@ fn the_device_builds_what_the_processor_builds() {
     }
 }
 
+/// More crowded vertices than workgroups for them.
+#[test]
+fn every_crowded_vertex_is_summed_up() {
+    let Some(gpu) = device() else { return };
+    let place = |i: u32| {
+        let corner = Vec3::new((i % 6) as f32, (i / 6 % 6) as f32, (i / 36) as f32);
+        light(i, corner * 3.0 + Vec3::splat(0.3), Vec3::X)
+    };
+    let (places, each) = (200, CROWDED + 1);
+    let lights: Vec<_> = (0..places * each).map(|i| place(i % places)).collect();
+    let settings = GridSettings { levels: Some(7), ..GridSettings::default() };
+    let found = build(gpu, &lights, &GridRules::new(&settings, 0.05));
+    let crowded = found.info.levels[1].light_count;
+    assert!(crowded > CROWDED_GROUPS, "{crowded} vertices");
+    assert_agrees("crowded", &LightingGrid::build(&lights, &settings, 0.05), &found);
+}
+
 #[test]
 fn it_does_not_matter_which_levels_one_workgroup_sums_up() {
     let Some(gpu) = device() else { return };
@@ -225,7 +242,8 @@ fn fine_levels_end_at_the_last_that_is_large() {
         level(5000, 5000),
     ]);
     assert_eq!(fine_levels(&info), 2);
-    assert_eq!(fine_levels(&GridInfo::default()), 0);
+    assert_eq!(fine_levels(&GridInfo::default()), MAX_LEVELS);
+    assert_eq!(fine_levels(&GridInfo { level_count: u32::MAX, ..info }), 5);
     info.levels[4].cell_count = COARSE + 1;
     assert_eq!(fine_levels(&info), 4);
 }
