@@ -146,6 +146,18 @@ impl<T: Record> Buf<T> {
         Block { raw: self.raw.clone(), held: self.held.clone() }
     }
 
+    /// Another list in the same memory, for another time.
+    ///
+    /// Panics: beyond the end of this one
+    pub fn reused<U: Record>(&self, name: &'static str, len: usize) -> Buf<U> {
+        assert!(
+            Buf::<U>::bytes(len) <= Self::bytes(self.len),
+            "{name} is larger than {}",
+            self.name
+        );
+        Buf::within(&self.block(), self.offset, name, len)
+    }
+
     /// What a kernel is bound to: the list and no more, where its memory is larger.
     pub fn binding(&self) -> Bound<'_> {
         let (memory, offset, size) = (self.held.memory, self.offset, Self::bytes(self.len));

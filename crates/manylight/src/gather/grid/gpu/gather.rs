@@ -1,6 +1,6 @@
 //! Gathering on the device: bands of blocks, and in each the steps of `sample.rs`.
 //!
-//! Search (twice: count, then write) → light → for each slice of rays: pick → target → shadow →
+//! Search (twice: count and keep, then write) → light → for each slice of rays: pick → target → shadow →
 //! resolve. Nothing is read back: what there was no room for is told in [`GatherOut::stats`].
 
 use super::RECORD_CONSTANTS;
@@ -13,7 +13,6 @@ use super::params::{
 use super::record::{CellRecord, GpuGrid, GridInfo, GridLightRecord, OctantsRecord};
 use crate::error::Error;
 use crate::gather::grid::TILE;
-use crate::gather::grid::reach::ASKED;
 use crate::gpu::scan::Scan;
 use crate::gpu::{Buf, Gpu, Memory, Recorder, kernel};
 use crate::settings::{Settings, ShadowTarget};
@@ -162,13 +161,16 @@ pub struct Gather {
     capacity: GatherCapacity,
     alpha: Alpha,
     scan: Scan,
-    /// Cells to look into, two sides per block.
+    /// Cells to look into, two sides per block; then the lights that each block found.
     frontier: Buf<u32>,
+    /// Where those begin, and how many a block has room for.
+    kept: [usize; 2],
     /// First chunk of each block and of none, then the lights of all chunks.
     pub(super) candidates: Buf<u32>,
     /// Which lights of a chunk reach each tile of its block.
     pub(super) masks: Buf<[u32; 2]>,
-    /// Running shadow weight of each receiver of its block after a chunk.
+    /// Running shadow weight of each receiver of its block after a chunk; in the memory of
+    /// `frontier`.
     pub(super) weights: Buf<f32>,
     /// Draws of a slice of rays.
     pub(super) picks: Buf<Pick>,
@@ -191,17 +193,19 @@ impl Gather {
         let (blocks, chunks) = (capacity.band_blocks as usize, capacity.chunks() as usize);
         let rays = blocks * BLOCK_PIXELS * capacity.slice_rays as usize;
         let has_points = settings.shadow.target == ShadowTarget::Variance;
-        let frontiers = 2 * capacity.frontier as usize * blocks.max(ASKED);
+        let [words, kept @ ..] = capacity.search(memory.gpu());
+        let frontier = memory.list::<u32>("search of blocks", words)?;
         Ok(Self {
             width,
             height,
             capacity,
             alpha: Alpha::new(memory, width * height)?,
             scan: Scan::new(memory, blocks + 1)?,
-            frontier: memory.list("cells to look into", frontiers)?,
+            weights: frontier.reused("running weights", chunks * BLOCK_PIXELS),
+            frontier,
+            kept,
             candidates: memory.list("lights near blocks", blocks + 1 + chunks * CHUNK)?,
             masks: memory.list("lights near tiles", chunks * TILES)?,
-            weights: memory.list("running weights", chunks * BLOCK_PIXELS)?,
             picks: memory.list("drawn lights", rays)?,
             targets: memory.list("drawn points", if has_points { rays } else { 0 })?,
         })
@@ -244,6 +248,8 @@ impl Gather {
             frontier_capacity: self.capacity.frontier,
             chunk_capacity: self.capacity.chunks(),
             list_start: self.capacity.band_blocks + 1,
+            kept_start: self.kept[0] as u32,
+            kept_capacity: self.kept[1] as u32,
             ..GatherParams::new(settings, d_min, seed)
         };
         rec.stage("gather alpha");

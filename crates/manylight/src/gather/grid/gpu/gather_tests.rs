@@ -534,6 +534,42 @@ fn what_does_not_fit_is_told_and_fits_after_growing() {
 }
 
 #[test]
+fn lists_that_are_kept_are_those_of_a_second_search() {
+    let Some(gpu) = device() else { return };
+    let case = Case::small("builtin:atrium", "balanced").with_alpha();
+    let blocks = case.blocks().len();
+    let expected = run(gpu, &case, GatherCapacity::default());
+    let lists = |run: &Run| {
+        let used = blocks + 1 + run.candidates[blocks] as usize * CHUNK;
+        run.candidates[..used].to_vec()
+    };
+    let sizes = expected.candidates[..=blocks].windows(2).map(|w| (w[1] - w[0]) as usize * CHUNK);
+    let (least, most) = (sizes.clone().min().expect("blocks"), sizes.max().expect("blocks"));
+    // Room for the lists of some blocks.
+    let middle = (least + most) / 2;
+    let needed = (expected.stats.frontier as usize).max(expected.stats.chunks as usize);
+    let block_chunks = (needed + middle) / blocks + 1;
+    let some = GatherCapacity {
+        block_chunks: block_chunks as u32,
+        least_chunks: 1,
+        frontier: ((block_chunks * BLOCK_PIXELS - middle) * blocks / (2 * reach::ASKED)) as u32,
+        least_frontiers: 1,
+        kept_lists: 1,
+        ..GatherCapacity::default()
+    };
+    let none = GatherCapacity { kept_lists: 0, ..GatherCapacity::default() };
+    for (capacity, keeps) in
+        [(GatherCapacity::default(), most..usize::MAX), (some, least.max(1)..most), (none, 0..1)]
+    {
+        let found = run(gpu, &case, capacity);
+        let [.., kept] = found.capacity.search(gpu);
+        assert!(keeps.contains(&kept), "{kept} of {least} to {most}");
+        assert!(lists(&found) == lists(&expected), "room for {kept}");
+        assert!(bits(&found) == bits(&expected), "room for {kept}");
+    }
+}
+
+#[test]
 fn degenerate_lights_and_pictures_are_gathered() {
     let Some(gpu) = device() else { return };
     let mut case = Case::new("builtin:cornell", "balanced", [20, 12], 300);

@@ -117,14 +117,16 @@ record! {
         pub seed: u32,
         /// Squared distance clamp, m².
         pub d_min_sq: f32,
-        /// Whether the search writes its candidates or only counts them.
+        /// Whether the search writes its candidates, or counts and keeps them.
         pub is_writing: u32,
         /// Pixels from one receiver of a tile to the next, and classes of lights across and down.
         pub side: u32,
         /// Added to the class of every tile.
         pub first_class: u32,
-        /// Nothing.
-        pub _pad: [u32; 2],
+        /// Where the first search keeps what it found, behind the frontiers.
+        pub kept_start: u32,
+        /// Lights that it keeps room for in each block.
+        pub kept_capacity: u32,
     }
 }
 

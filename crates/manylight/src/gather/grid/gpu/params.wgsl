@@ -19,7 +19,8 @@ struct GatherParams {
     is_writing: u32,
     side: u32,
     first_class: u32,
-    _pad: vec2u,
+    kept_start: u32,
+    kept_capacity: u32,
 }
 
 struct Pick {

@@ -1,8 +1,10 @@
 // The lights that can reach a block of receivers, in order: a workgroup per block. Twin of collect
 // in tiles.rs.
 //
-// Runs twice: the first time it counts chunks, into the head of `candidates`; prefix sums turn them
-// into places; the second time it fills them. What is left of a last chunk holds NO_LIGHT.
+// Runs twice: the first time it counts chunks, into the head of `candidates`, and keeps the lights
+// themselves as far as there is room behind the frontiers; prefix sums turn the counts into places;
+// the second time it copies the lights there, or looks for them again. What is left of a last chunk
+// holds NO_LIGHT.
 import package::gather::grid::gpu::params;
 import package::gather::grid::gpu::tiles;
 import package::gather::grid::gpu::receiver_bounds;
@@ -21,7 +23,8 @@ import package::gather::grid::gpu::stats;
 @group(0) @binding(9) var<storage, read_write> candidates: array<u32>;
 @group(0) @binding(10) var<storage, read_write> stats: array<GatherStats>;
 
-// Where the list of this block begins, and its room.
+// Where the list of this block begins, and its room: in `frontier` the first time, then in
+// `candidates`.
 var<private> list_start: u32;
 var<private> list_room: u32;
 
@@ -43,10 +46,19 @@ fn is_seen_by_block(light_class: u32) -> bool {
     return light_class == EVERY || all(of_tile / BLOCK_TILES == own_block % turns);
 }
 
-fn keep(place: u32, level: u32, index: u32) {
-    if place < list_room {
-        candidates[list_start + place] = (level << LEVEL_SHIFT) | index;
+fn write(place: u32, light: u32) {
+    if place >= list_room {
+        return;
     }
+    if params.is_writing != 0u {
+        candidates[list_start + place] = light;
+    } else {
+        frontier[list_start + place] = light;
+    }
+}
+
+fn keep(place: u32, level: u32, index: u32) {
+    write(place, (level << LEVEL_SHIFT) | index);
 }
 
 fn bounds_of_block(block: u32, local: u32) -> Bounds {
@@ -64,34 +76,46 @@ fn bounds_of_block(block: u32, local: u32) -> Bounds {
     return join_all(own, local);
 }
 
+var<workgroup> own_chunks: vec2u;
+
 @compute @workgroup_size(GROUP_X)
 fn main(
     @builtin(workgroup_id) group: vec3u,
     @builtin(local_invocation_index) local: u32,
 ) {
     let block = group.x;
-    own_block = block_place(block);
     let is_writing = params.is_writing != 0u;
-    list_start = 0u;
-    list_room = 0u;
+    let kept_start = params.kept_start + block * params.kept_capacity;
+    list_start = kept_start;
+    list_room = params.kept_capacity;
     if is_writing {
-        let first = candidates[block];
-        let chunks = min(candidates[block + 1u], params.chunk_capacity);
-        list_start = params.list_start + first * CHUNK;
-        list_room = (max(chunks, first) - first) * CHUNK;
+        if local == 0u {
+            own_chunks = vec2u(candidates[block], candidates[block + 1u]);
+        }
+        let chunks = workgroupUniformLoad(&own_chunks);
+        let end = min(chunks.y, params.chunk_capacity);
+        list_start = params.list_start + chunks.x * CHUNK;
+        list_room = (max(end, chunks.x) - chunks.x) * CHUNK;
+        if (chunks.y - chunks.x) * CHUNK <= params.kept_capacity {
+            for (var i = local; i < list_room; i += GROUP_X) {
+                candidates[list_start + i] = frontier[kept_start + i];
+            }
+            return;
+        }
     }
+    own_block = block_place(block);
     fill_shells(local);
     let bounds = bounds_of_block(block, local);
     var seen = vec2u(0u);
     if is_whole() && bounds.low.x <= bounds.high.x {
         seen = descend(bounds, block, local);
     }
-    if is_writing {
-        for (var i = seen.x + local; i < list_room; i += GROUP_X) {
-            candidates[list_start + i] = NO_LIGHT;
-        }
-    } else if local == 0u {
-        candidates[block] = (seen.x + CHUNK - 1u) / CHUNK;
+    let chunk_count = (seen.x + CHUNK - 1u) / CHUNK;
+    for (var i = seen.x + local; i < chunk_count * CHUNK; i += GROUP_X) {
+        write(i, NO_LIGHT);
+    }
+    if !is_writing && local == 0u {
+        candidates[block] = chunk_count;
         if block == 0u {
             candidates[params.block_count] = 0u;
         }
