@@ -102,7 +102,7 @@ pub fn run_devices(args: &JsonArg) -> Result<Outcome, Failure> {
     let cpu = format!("{} threads, {simd}", rayon::current_num_threads());
     let adapters = manylight::gpu::describe_adapters();
     if args.json {
-        let adapters: Vec<Value> = adapters.iter().map(adapter_json).collect();
+        let adapters: Vec<Value> = (1..).zip(&adapters).map(adapter_json).collect();
         writeln!(std::io::stdout(), "{}", json!({ "cpu": cpu, "gpu": adapters }))?;
         return Ok(Outcome::Done);
     }
@@ -138,10 +138,10 @@ fn describe_adapter(adapter: &AdapterDescription) -> String {
     )
 }
 
-fn adapter_json(adapter: &AdapterDescription) -> Value {
+fn adapter_json((number, adapter): (usize, &AdapterDescription)) -> Value {
     let features = Feature::ALL.map(|f| (f.name().to_owned(), json!(adapter.features.has(f))));
     json!({
-        "name": adapter.name, "kind": adapter.kind, "backend": adapter.backend,
+        "number": number, "name": adapter.name, "kind": adapter.kind, "backend": adapter.backend,
         "driver": adapter.driver, "max_binding": adapter.max_binding,
         "max_buffer": adapter.max_buffer, "workgroup_memory": adapter.workgroup_memory,
         "timestamps": adapter.timestamps, "features": Value::from_iter(features),

@@ -132,6 +132,8 @@ pub(super) fn choose(options: &GpuOptions) -> Result<(AdapterDescription, wgpu::
     let mut found: Vec<_> = (1..).zip(adapters().into_iter().map(|a| (describe(&a), a))).collect();
     found.sort_by_key(|(_, (description, _))| rank(description));
     let names = found.iter().map(|(_, (d, _))| d.name.as_str()).collect::<Vec<_>>().join(", ");
+    let numbers = found.iter().map(|(number, (d, _))| format!("#{number} {}", d.name));
+    let numbers = numbers.collect::<Vec<_>>().join(", ");
     let wanted = options.adapter.as_deref().unwrap_or("").to_lowercase();
     let is_wanted = |number: usize, d: &AdapterDescription| {
         let is_named = match number_of(&wanted) {
@@ -157,7 +159,7 @@ pub(super) fn choose(options: &GpuOptions) -> Result<(AdapterDescription, wgpu::
                 )
             }
             (names, wanted) => match number_of(wanted) {
-                Some(_) => format!("no graphics device {wanted} that may render; found: {names}"),
+                Some(_) => format!("no graphics device {wanted} that may render; found: {numbers}"),
                 None => format!("no graphics device with {wanted:?} in its name; found: {names}"),
             },
         })

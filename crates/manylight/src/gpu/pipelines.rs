@@ -106,8 +106,7 @@ impl Gpu {
             layout: Some(&layout),
             module: &module,
             entry_point: Some("main"),
-            // Our shaders write what they read of a workgroup's memory. To empty all of it first
-            // takes as long as some of them.
+            // Our shaders write what they read of a workgroup's memory: it need not be emptied.
             compilation_options: wgpu::PipelineCompilationOptions {
                 zero_initialize_workgroup_memory: false,
                 ..Default::default()

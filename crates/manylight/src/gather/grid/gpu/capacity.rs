@@ -15,7 +15,7 @@ const BAND_EVALS: u32 = 480;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GatherCapacity {
     /// Most blocks of 16 × 16 pixels in a band; more use a large device better, and take about
-    /// 80 KiB each.
+    /// 70 KiB each.
     pub band_blocks: u32,
     /// Chunks of 64 lights per block, on the average of a band.
     pub block_chunks: u32,
@@ -25,9 +25,6 @@ pub struct GatherCapacity {
     pub frontier: u32,
     /// The same for all blocks of a band, at least.
     pub least_frontiers: u32,
-    /// Room of a block for what its first search found, so that the second need not look again; in
-    /// lists of an average block. 0: each looks twice.
-    pub kept_lists: u32,
     /// Most shadow rays of a receiver in a slice.
     pub slice_rays: u32,
 }
@@ -41,7 +38,6 @@ impl Default for GatherCapacity {
             least_chunks: 16_384,
             frontier: 3584,
             least_frontiers: 1 << 20,
-            kept_lists: 2,
             slice_rays: 4,
         }
     }
@@ -76,7 +72,7 @@ impl GatherCapacity {
         let most_bytes = [
             self.block_chunks as usize * BLOCK_PIXELS * 4,
             (self.block_chunks as usize * CHUNK + 2) * 4,
-            self.search_words() * 4,
+            2 * self.frontier as usize * 4,
             BLOCK_PIXELS * self.slice_rays as usize * size_of::<[f32; 4]>(),
         ];
         let block_bytes = most_bytes.into_iter().max().unwrap_or(1) as u64;
@@ -94,22 +90,18 @@ impl GatherCapacity {
         self
     }
 
-    /// Words that the search of a block works in.
-    fn search_words(&self) -> usize {
-        2 * self.frontier as usize + self.kept_lists as usize * self.block_chunks as usize * CHUNK
-    }
-
     /// Memory of a band's searches, in words: all of it, where the part begins in which they keep
-    /// what they found, and how many lights each keeps. In the same memory lie the running weights
-    /// later.
+    /// what they found, and how many lights each block keeps: as many as the list of an average
+    /// block has room for, if one list of the device holds them, and what is left beside the
+    /// frontiers of the running weights, which lie in the same memory later.
     pub(super) fn search(&self, gpu: &Gpu) -> [usize; 3] {
         let blocks = self.band_blocks as usize;
         let frontiers = 2 * self.frontier as usize * blocks.max(ASKED);
         let weights = self.chunks() as usize * BLOCK_PIXELS;
         let most = gpu.max_list_bytes() as usize / 4;
-        let words = (self.search_words() * blocks).max(weights).min(most).max(frontiers);
-        let kept = if self.kept_lists > 0 { (words - frontiers) / blocks } else { 0 };
-        [words, frontiers, kept]
+        let kept = self.chunks() as usize * CHUNK;
+        let words = (frontiers + kept).min(most).max(frontiers).max(weights);
+        [words, frontiers, (words - frontiers) / blocks]
     }
 
     /// Chunks that a band has room for.

@@ -538,35 +538,51 @@ fn lists_that_are_kept_are_those_of_a_second_search() {
     let Some(gpu) = device() else { return };
     let case = Case::small("builtin:atrium", "balanced").with_alpha();
     let blocks = case.blocks().len();
-    let expected = run(gpu, &case, GatherCapacity::default());
     let lists = |run: &Run| {
         let used = blocks + 1 + run.candidates[blocks] as usize * CHUNK;
         run.candidates[..used].to_vec()
     };
+    // Frontiers that take all the memory.
+    let full = GatherCapacity { least_frontiers: 1 << 26, ..GatherCapacity::default() };
+    let expected = run(gpu, &case, full);
     let sizes = expected.candidates[..=blocks].windows(2).map(|w| (w[1] - w[0]) as usize * CHUNK);
     let (least, most) = (sizes.clone().min().expect("blocks"), sizes.max().expect("blocks"));
-    // Room for the lists of some blocks.
-    let middle = (least + most) / 2;
-    let needed = (expected.stats.frontier as usize).max(expected.stats.chunks as usize);
-    let block_chunks = (needed + middle) / blocks + 1;
+    // Room for an average list.
     let some = GatherCapacity {
-        block_chunks: block_chunks as u32,
+        block_chunks: expected.stats.chunks.div_ceil(blocks as u32),
         least_chunks: 1,
-        frontier: ((block_chunks * BLOCK_PIXELS - middle) * blocks / (2 * reach::ASKED)) as u32,
-        least_frontiers: 1,
-        kept_lists: 1,
         ..GatherCapacity::default()
     };
-    let none = GatherCapacity { kept_lists: 0, ..GatherCapacity::default() };
-    for (capacity, keeps) in
-        [(GatherCapacity::default(), most..usize::MAX), (some, least.max(1)..most), (none, 0..1)]
+    let keeps = |run: &Run| run.capacity.search(gpu)[2];
+    assert!(keeps(&expected) < least.max(1), "{} of {least}", keeps(&expected));
+    for (capacity, kept) in
+        [(GatherCapacity::default(), most..usize::MAX), (some, least.max(1)..most)]
     {
         let found = run(gpu, &case, capacity);
-        let [.., kept] = found.capacity.search(gpu);
-        assert!(keeps.contains(&kept), "{kept} of {least} to {most}");
-        assert!(lists(&found) == lists(&expected), "room for {kept}");
-        assert!(bits(&found) == bits(&expected), "room for {kept}");
+        assert!(kept.contains(&keeps(&found)), "{} of {least} to {most}", keeps(&found));
+        assert!(lists(&found) == lists(&expected), "room for {}", keeps(&found));
+        assert!(bits(&found) == bits(&expected), "room for {}", keeps(&found));
     }
+}
+
+#[test]
+fn searches_keep_what_memory_holds() {
+    let Some(gpu) = device() else { return };
+    let most = gpu.max_list_bytes() as usize / 4;
+    let settings = Settings::default();
+    for (size, frontier) in [([16, 16], 3584), ([128, 128], 16_384), ([1280, 720], 3584)] {
+        let capacity = GatherCapacity { frontier, ..GatherCapacity::default() };
+        let capacity = capacity.fit(gpu, size[0], size[1], &settings);
+        let [words, start, kept] = capacity.search(gpu);
+        let blocks = capacity.band_blocks as usize;
+        let weights = capacity.chunks() as usize * BLOCK_PIXELS;
+        assert!(words <= most && words >= weights && start + kept * blocks <= words, "{size:?}");
+        let average = capacity.block_chunks as usize * CHUNK;
+        assert!(kept >= average || words == most, "{size:?}: {kept} of {average}");
+    }
+    // The frame whose memory is promised takes none for it.
+    let capacity = GatherCapacity::default().fit(gpu, 1280, 720, &settings);
+    assert_eq!(capacity.search(gpu)[0], capacity.chunks() as usize * BLOCK_PIXELS);
 }
 
 #[test]

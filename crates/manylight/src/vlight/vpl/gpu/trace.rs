@@ -121,7 +121,7 @@ pub struct VplTracer {
     first_rounds: u32,
     /// Most that a set has taken.
     most_taken: u32,
-    /// Whether fewer than `first_rounds` were once too few, so that no set is taken at its word.
+    /// Whether rounds were once too few, so that no set is taken at its word.
     has_lacked: bool,
     slots: Buf<VplRecord>,
     /// Lights of each path of a batch, then lights before each.
@@ -172,7 +172,7 @@ impl VplTracer {
     }
 
     /// As many rounds as the longest of all sets took, and some for what the next misses by chance;
-    /// no fewer than at first if those were once too few.
+    /// no fewer than at first if rounds were once too few.
     pub fn learn_rounds(&mut self, info: &VplInfo) {
         self.most_taken = self.most_taken.max(info.rounds);
         if !self.has_lacked {

@@ -1,5 +1,5 @@
-// Grid lights of level 1 from the virtual lights around them; twin of sweep_vpls. Eight invocations a
-// light; crowded ones are left to sum_crowded.
+// Grid lights of level 1 from the virtual lights around them; twin of sweep_vpls. Eight invocations
+// a light; crowded ones are left to sum_crowded.
 import package::gpu::index;
 import package::gather::grid::gpu::build::around_vertex;
 import package::gather::grid::gpu::build::octant_sums;
