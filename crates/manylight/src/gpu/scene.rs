@@ -2,8 +2,8 @@
 
 use super::{KernelInfo, Value};
 
-/// What is in a scene. Kernels that trace rays are built for what theirs has: code that is not there
-/// takes no registers, and so leaves room for more rays at a time.
+/// What is in a scene. Kernels that trace rays are built for what theirs has: code that is not
+/// there takes no registers, and so leaves room for more rays at a time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct SceneTraits {
     /// Instances of shared meshes.

@@ -1,7 +1,8 @@
 //! Gathering on the device: bands of blocks, and in each the steps of `sample.rs`.
 //!
 //! Search (twice: count and keep, then write) → light → for each slice of rays: pick → target →
-//! shadow → resolve. Nothing is read back: what there was no room for is told in [`GatherOut::stats`].
+//! shadow → resolve. Nothing is read back: what there was no room for is told in
+//! [`GatherOut::stats`].
 
 use super::RECORD_CONSTANTS;
 use super::alpha::Alpha;

@@ -22,6 +22,8 @@ pub(super) const RECORD_CONSTANTS: &[Constant] =
     &[Constant { name: "LEVEL_ENTRIES", value: Value::U32(record::LEVEL_ENTRIES as u32) }];
 
 #[cfg(test)]
+mod capacity_tests;
+#[cfg(test)]
 mod gather_tests;
 #[cfg(test)]
 mod interleave_tests;

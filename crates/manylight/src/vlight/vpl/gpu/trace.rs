@@ -185,7 +185,8 @@ impl VplTracer {
         (self.rounds, self.most_taken) = (self.first_rounds, 0);
     }
 
-    /// At least so many rounds from now on, where [`VplInfo::missing`] said that there were too few.
+    /// At least so many rounds from now on, where [`VplInfo::missing`] said that there were too
+    /// few.
     pub fn raise_rounds(&mut self, rounds: u32) {
         self.set_rounds(rounds.max(self.first_rounds));
         (self.first_rounds, self.has_lacked) = (self.rounds, true);

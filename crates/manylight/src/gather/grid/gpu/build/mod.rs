@@ -68,8 +68,8 @@ impl GridRules {
     }
 }
 
-/// The fine levels of builds like a finished one; see [`GridRules::fine_levels`]. All of them, where
-/// it says nothing.
+/// The fine levels of builds like a finished one; see [`GridRules::fine_levels`]. All of them,
+/// where it says nothing.
 pub fn fine_levels(info: &GridInfo) -> u32 {
     let is_fine = |level: &LevelInfo| level.cell_count.max(level.light_count) > COARSE;
     let levels = (1..).zip(info.levels.iter().skip(1)).take(info.level_count as usize);
