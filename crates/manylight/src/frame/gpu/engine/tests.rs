@@ -282,7 +282,8 @@ fn fine_levels_are_those_of_the_same_settings() {
         renderer.gpu().dispatches() - before
     };
     // Buffers grow with the first of each.
-    (dispatches(None), dispatches(Some(2)));
+    dispatches(None);
+    dispatches(Some(2));
     let first = [dispatches(None), dispatches(Some(2)), dispatches(None)];
     let second = dispatches(None);
     assert!(first.iter().all(|n| *n > second + 10), "{first:?}, then {second}");
