@@ -5,7 +5,8 @@ import package::direct::receiver;
 import package::gpu::index;
 
 struct LightParams {
-    pixels: u32,
+    first: u32,
+    end: u32,
     seed: u32,
 }
 
@@ -23,8 +24,8 @@ fn main(
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) local: u32,
 ) {
-    let pixel = item_index(group, groups, local);
-    if pixel >= params.pixels {
+    let pixel = params.first + item_index(group, groups, local);
+    if pixel >= params.end {
         return;
     }
     var sum = vec3f(0.0);

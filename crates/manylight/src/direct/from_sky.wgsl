@@ -8,7 +8,8 @@ import package::math::sequence;
 import package::shadow::shadow;
 
 struct SkyParams {
-    pixels: u32,
+    first: u32,
+    end: u32,
     width: u32,
     rays: u32,
     seed: u32,
@@ -68,8 +69,8 @@ fn main(
     @builtin(num_workgroups) groups: vec3u,
     @builtin(local_invocation_index) local: u32,
 ) {
-    let pixel = item_index(group, groups, local);
-    if pixel >= params.pixels {
+    let pixel = params.first + item_index(group, groups, local);
+    if pixel >= params.end {
         return;
     }
     unshadowed[pixel] = vec4f(0.0);

@@ -40,7 +40,7 @@ pub use kernel::{Access, Bound, Constant, Kernel, KernelInfo, Port, STORE_FORMAT
 pub(crate) use later::take_record;
 pub use later::{Arrival, Later};
 pub use linker::{Sources, link};
-pub use pace::Pace;
+pub use pace::{Pace, dispatches_of};
 pub use pool::{Memory, Phase, Pool, Together};
 pub use recorder::{Recorder, Uniform, UniformMemory};
 pub use scene::{SceneGroup, SceneTraits};

@@ -1,6 +1,17 @@
 //! Long work in pieces: no driver loses patience, and there is progress to tell of.
 
+use std::ops::Range;
 use std::time::Duration;
+
+/// Most rays of a dispatch inside a frame, whose time nobody waits for: .05 s on a device that
+/// follows 80 million a second.
+const MOST_RAYS: usize = 1 << 22;
+
+/// Items of which each follows some rays, in parts that are a dispatch each.
+pub fn dispatches_of(items: usize, rays: usize) -> impl Iterator<Item = Range<usize>> {
+    let most = (MOST_RAYS / rays.max(1)).max(1);
+    (0..items).step_by(most).map(move |first| first..items.min(first + most))
+}
 
 /// What a submission should take, s, and so the most that a dispatch in it should; the first one,
 /// and the least work there is, may take longer on a slow device.
@@ -40,6 +51,18 @@ impl Pace {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn dispatches_follow_a_bounded_number_of_rays() {
+        let parts = |items, rays| dispatches_of(items, rays).collect::<Vec<_>>();
+        assert_eq!(parts(1280 * 720, 4), [0..1280 * 720]);
+        let parts_of_sky = parts(3840 * 2160, 2);
+        assert_eq!(parts_of_sky.len(), 4);
+        assert!(parts_of_sky.windows(2).all(|w| w[0].end == w[1].start));
+        assert_eq!(parts_of_sky[3].end, 3840 * 2160);
+        assert_eq!(parts(3, MOST_RAYS + 1), [0..1, 1..2, 2..3]);
+        assert!(parts(0, 1).is_empty());
+    }
 
     #[test]
     fn submissions_come_to_their_time() {

@@ -7,6 +7,7 @@ import package::surface::view;
 struct ReceiverParams {
     view: View,
     normal_maps: u32,
+    first_row: u32,
 }
 
 @group(0) @binding(0) var<uniform> params: ReceiverParams;
@@ -18,12 +19,13 @@ struct ReceiverParams {
 @compute @workgroup_size(GROUP_X, GROUP_Y)
 fn main(@builtin(global_invocation_id) id: vec3u) {
     let view = params.view;
-    if id.x >= view.width || id.y >= view.height {
+    let at = id.xy + vec2u(0u, params.first_row);
+    if at.x >= view.width || at.y >= view.height {
         return;
     }
-    let pixel = id.y * view.width + id.x;
+    let pixel = at.y * view.width + at.x;
     let offset = vec2f(view.offset_x, view.offset_y);
-    let ray = view_ray(view, vec2f(id.xy) + offset);
+    let ray = view_ray(view, vec2f(at) + offset);
     let hit = closest(Ray(ray.origin, FAR_AWAY, ray.direction));
     if hit.instance == NO_HIT {
         positions[pixel] = vec4f(vec3f(0.0), NO_SURFACE);

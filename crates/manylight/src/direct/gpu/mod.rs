@@ -4,9 +4,18 @@
 //! plane of its shadow ratio
 
 use super::{EXACT_LIGHTS, SKY_CANDIDATES};
-use crate::gpu::{Buf, Constant, GROUP, MAX_GROUPS, Recorder, Value, kernel, record};
+use crate::error::Error;
+use crate::gpu::{
+    Buf, Constant, GROUP, Gpu, MAX_GROUPS, Pace, Recorder, SceneGroup, Value, dispatches_of,
+    kernel, record,
+};
 use crate::surface::gpu::GpuReceivers;
 use crate::{bvh, emitter, shadow, surface, world};
+use std::ops::Range;
+use std::time::Instant;
+
+/// Rays of the first submission where there are very many.
+const FIRST_RAYS: usize = 1 << 20;
 
 /// Constants of this room's shaders.
 pub const CONSTANTS: &[Constant] = &[
@@ -19,8 +28,10 @@ const LISTS: &[Constant] = &[Constant { name: "MAX_GROUPS", value: Value::U32(MA
 record! {
     /// What [`FromLights`] needs to know.
     struct LightParams {
-        /// Receivers.
-        pixels: u32,
+        /// First receiver.
+        first: u32,
+        /// End of the receivers.
+        end: u32,
         /// Of the draws where there are many lights.
         seed: u32,
     }
@@ -29,8 +40,10 @@ record! {
 record! {
     /// What [`FromSky`] needs to know.
     struct SkyParams {
-        /// Receivers.
-        pixels: u32,
+        /// First receiver.
+        first: u32,
+        /// End of the receivers.
+        end: u32,
         /// Pixels across.
         width: u32,
         /// Rays per receiver.
@@ -73,10 +86,12 @@ pub fn record_lights(
     seed: u32,
     irradiance: &Buf<[f32; 4]>,
 ) {
-    let pixels = receivers.width * receivers.height;
-    let params = rec.uniform(&LightParams { pixels: pixels as u32, seed });
     let GpuReceivers { positions, normals, .. } = receivers;
-    rec.dispatch_items(&FromLights { params, positions, normals, irradiance }, pixels);
+    for part in dispatches_of(receivers.width * receivers.height, EXACT_LIGHTS) {
+        let (first, end) = (part.start as u32, part.end as u32);
+        let params = rec.uniform(&LightParams { first, end, seed });
+        rec.dispatch_items(&FromLights { params, positions, normals, irradiance }, part.len());
+    }
 }
 
 /// How the sky is asked for.
@@ -100,16 +115,59 @@ pub fn record_sky(
     unshadowed: &Buf<[f32; 4]>,
     ratios: &Buf<[f32; 2]>,
 ) {
-    let pixels = receivers.width * receivers.height;
+    for part in dispatches_of(receivers.width * receivers.height, sky.rays as usize) {
+        record_sky_part(rec, receivers, sky, (unshadowed, ratios), part);
+    }
+}
+
+/// The same for some of the receivers.
+fn record_sky_part(
+    rec: &mut Recorder<'_>,
+    receivers: &GpuReceivers,
+    sky: SkyRays,
+    (unshadowed, ratios): (&Buf<[f32; 4]>, &Buf<[f32; 2]>),
+    part: Range<usize>,
+) {
     let params = rec.uniform(&SkyParams {
-        pixels: pixels as u32,
+        first: part.start as u32,
+        end: part.end as u32,
         width: receivers.width as u32,
         rays: sky.rays,
         seed: sky.seed,
         exact: sky.exact.into(),
     });
     let GpuReceivers { positions, normals, .. } = receivers;
-    rec.dispatch_items(&FromSky { params, positions, normals, unshadowed, ratios }, pixels);
+    rec.dispatch_items(&FromSky { params, positions, normals, unshadowed, ratios }, part.len());
+}
+
+/// The same for very many rays, in submissions of which none is long; tells the share of work
+/// done, and at last what the stage took.
+///
+/// Waits for the device. Errors: what the device reported
+pub fn trace_sky(
+    gpu: &Gpu,
+    scene: &SceneGroup,
+    receivers: &GpuReceivers,
+    sky: SkyRays,
+    lists: (&Buf<[f32; 4]>, &Buf<[f32; 2]>),
+    progress: &dyn Fn(f64),
+) -> Result<f64, Error> {
+    let (all, rays) = (receivers.width * receivers.height, sky.rays as usize);
+    let mut pace = Pace::new(FIRST_RAYS);
+    let mut first = 0;
+    let start = Instant::now();
+    while first < all {
+        let pixels = pace.share(rays, all - first);
+        let started = Instant::now();
+        let mut rec = gpu.record(Some(scene));
+        rec.stage("sky");
+        record_sky_part(&mut rec, receivers, sky, lists, first..first + pixels);
+        rec.submit().wait()?;
+        pace.learn(pixels * rays, started.elapsed());
+        first += pixels;
+        progress(first as f64 / all as f64);
+    }
+    Ok(start.elapsed().as_secs_f64() * 1e3)
 }
 
 #[cfg(test)]

@@ -88,6 +88,34 @@ fn sky_on_device(gpu: &Gpu, lit: &Lit, planes: &GpuReceivers, rays: u32, exact: 
 }
 
 #[test]
+fn the_sky_in_pieces_is_the_sky() {
+    let Some(gpu) = device() else { return };
+    let lit = scenes(gpu).iter().find(|lit| lit.emitters.sky.is_some()).expect("a sky");
+    let (_, planes) = lit.receivers(gpu, SIZE);
+    let sky = SkyRays { rays: 5, seed: SEED, exact: true };
+    let expected = sky_on_device(gpu, lit, &planes, sky.rays, sky.exact);
+    let unshadowed = gpu.buffer("unshadowed", PIXELS).expect("buffer");
+    let ratios = gpu.buffer("ratios", PIXELS).expect("buffer");
+    let read = || {
+        let light = gpu.read(&unshadowed, PIXELS).expect("read");
+        (light, gpu.read(&ratios, PIXELS).expect("read"))
+    };
+    let mut rec = gpu.record(Some(lit.scene.group()));
+    for part in [300..PIXELS, 0..299, 299..300] {
+        record_sky_part(&mut rec, &planes, sky, (&unshadowed, &ratios), part);
+    }
+    rec.submit().wait().expect("done");
+    assert!(read() == expected);
+    gpu.write(&unshadowed, &vec![[9.0; 4]; PIXELS]);
+    let told = std::cell::RefCell::new(Vec::new());
+    let tick = |share: f64| told.borrow_mut().push(share);
+    let lists = (&unshadowed, &ratios);
+    trace_sky(gpu, lit.scene.group(), &planes, sky, lists, &tick).expect("traced");
+    assert!(read() == expected);
+    assert_eq!(told.borrow().last(), Some(&1.0));
+}
+
+#[test]
 fn the_sky_gives_receivers_what_it_gives_on_the_processor() {
     let Some(gpu) = device() else { return };
     for lit in scenes(gpu) {

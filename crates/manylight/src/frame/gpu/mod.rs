@@ -18,7 +18,7 @@ pub use engine::{EngineReceivers, EngineTargets};
 use super::sequence::noise;
 use super::{BRUTE_SKY_RAYS, Frame, Progress, Renderer, Stage, check_size, nothing_shines};
 use crate::composite::gpu::{Arriving, GatheredLight};
-use crate::direct::gpu::{SkyRays, record_lights, record_sky};
+use crate::direct::gpu::{SkyRays, record_lights, record_sky, trace_sky};
 use crate::emitter::gpu::{pack, record_background};
 use crate::error::Error;
 use crate::filter::gpu::GpuNoisy;
@@ -392,8 +392,19 @@ impl GpuRenderer {
             rec.stage(if is_direct { "emitter vpls" } else { "vpls" });
             lights.trace(&mut rec, normal_maps, seed);
         }
-        let sky_rays = SkyRays { rays: BRUTE_SKY_RAYS, seed: seed ^ 5, exact: true };
-        self.record_direct(&mut rec, buffers, job, sky_rays);
+        rec.stage("direct");
+        record_lights(&mut rec, receivers, seed, irradiance);
+        let mut times = rec.submit().wait()?;
+        if let Some(sky) = sky {
+            let rays = SkyRays { rays: BRUTE_SKY_RAYS, seed: seed ^ 5, exact: true };
+            let (lists, tick) =
+                ((&sky.unshadowed, &sky.ratio), |share: f64| progress("sky", share));
+            let scene = self.scene.group();
+            let time_ms = trace_sky(&self.gpu, scene, receivers, rays, lists, &tick)?;
+            times.push(StageTime { name: "sky", time_ms });
+        }
+        let mut rec = self.gpu.record(None);
+        rec.stage("composite");
         layers.begin(&mut rec, receivers, irradiance, job.sample, bounced.is_some());
         if let Some(sky) = sky {
             let arriving = Arriving::Ratio(&sky.ratio);
@@ -405,7 +416,7 @@ impl GpuRenderer {
             );
         }
         let needs = buffers.record_needs(&mut rec);
-        let mut times = rec.submit().wait()?;
+        add_times(&mut times, rec.submit().wait()?);
         let found = buffers.parse_needs(&needs.bytes(&self.gpu)?);
         let start = std::time::Instant::now();
         let brute = GpuBrute::new(&self.gpu, view_pixels(job.view))?;

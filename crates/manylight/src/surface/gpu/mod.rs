@@ -9,7 +9,7 @@ pub(crate) use textures::check_texture;
 
 use super::{PixelSample, Receivers, SurfacePoint, ViewFrame};
 use crate::error::Error;
-use crate::gpu::{Buf, Constant, Gpu, Recorder, Value, kernel, record};
+use crate::gpu::{Buf, Constant, Gpu, Recorder, Value, dispatches_of, kernel, record};
 use glam::{Vec2, Vec3};
 
 /// Depth of pixels that see no surface.
@@ -52,8 +52,10 @@ record! {
         pub view: ViewRecord,
         /// Whether normal textures bend the shading normal.
         pub normal_maps: u32,
+        /// First row.
+        pub first_row: u32,
         /// Nothing.
-        pub _pad: [u32; 3],
+        pub _pad: [u32; 2],
     }
 }
 
@@ -132,10 +134,14 @@ impl GpuReceivers {
     ) {
         let view = ViewRecord::new(view, offset_px);
         let normal_maps = u32::from(normal_maps);
-        let params = rec.uniform(&ReceiverParams { view, normal_maps, _pad: [0; 3] });
         let Self { width, height, positions, normals, albedos, emissions } = self;
-        let kernel = TraceReceivers { params, positions, normals, albedos, emissions };
-        rec.dispatch_pixels(&kernel, *width, *height);
+        for rows in dispatches_of(*height, *width) {
+            let first_row = rows.start as u32;
+            let params =
+                rec.uniform(&ReceiverParams { view, normal_maps, first_row, _pad: [0; 2] });
+            let kernel = TraceReceivers { params, positions, normals, albedos, emissions };
+            rec.dispatch_pixels(&kernel, *width, rows.len());
+        }
     }
 
     /// Copies receivers to the device; `sky` is the radiance from a direction.
