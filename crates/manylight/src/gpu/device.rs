@@ -241,6 +241,14 @@ impl Gpu {
         self.loops.watch.as_ref()
     }
 
+    /// Whether shaders may change while the program runs; see `gpu.shaders`.
+    pub fn reloads_shaders(&self) -> bool {
+        #[cfg(debug_assertions)]
+        return self.reload.lock().unwrap_or_else(PoisonError::into_inner).is_some();
+        #[cfg(not(debug_assertions))]
+        false
+    }
+
     /// Layout of group 1: the scene's records and textures.
     pub fn scene_layout(&self) -> &wgpu::BindGroupLayout {
         &self.scene_layout

@@ -8,7 +8,7 @@ use crate::filter::gpu::{Filter, Guides};
 use crate::filter::interleave::gpu::Join;
 use crate::gather::grid::gpu::{Gather, GatherCapacity};
 use crate::gpu::{Buf, Gpu, Later, Memory, Pool, Recorder};
-use crate::settings::{Method, Settings, ShadowSettings};
+use crate::settings::{GridSettings, Method, Settings, ShadowSettings, VplSettings};
 use crate::surface::gpu::GpuReceivers;
 use std::sync::Arc;
 
@@ -163,6 +163,26 @@ impl Work {
     }
 }
 
+/// What virtual lights and their grids are made from, beside the scene: frames that share it share
+/// them.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Recipe {
+    seed: u32,
+    vpls: VplSettings,
+    /// Without what says how to gather.
+    grid: GridSettings,
+    normal_maps: bool,
+}
+
+impl Recipe {
+    /// That of a frame with a seed of its own.
+    pub fn new(settings: &Settings, seed: u32) -> Self {
+        let grid = GridSettings { alpha: None, evals: 0, spread: true, ..settings.grid.clone() };
+        let normal_maps = settings.surface.normal_maps;
+        Self { seed, vpls: settings.vpls.clone(), grid, normal_maps }
+    }
+}
+
 /// What a frame was recorded with.
 #[derive(Debug)]
 pub(super) struct Origin {
@@ -178,6 +198,10 @@ pub(super) struct Buffers {
     generation: Arc<()>,
     /// Another one whenever the lights of the scene are others.
     lit: Arc<()>,
+    /// What the lights and grids were made from that lie here once all recorded frames are done.
+    built: Option<Recipe>,
+    /// How often lights were recorded to be made.
+    builds: u32,
     pub receivers: GpuReceivers,
     pub work: Work,
 }
@@ -207,7 +231,8 @@ impl Buffers {
             }
         };
         let work = Work::new(gpu, &shape, settings, room)?;
-        Ok(Self { shape, generation: Arc::default(), lit: Arc::default(), receivers, work })
+        let (generation, lit) = Default::default();
+        Ok(Self { shape, generation, lit, built: None, builds: 0, receivers, work })
     }
 
     /// Whether they are those of frames of a size with some settings.
@@ -216,18 +241,42 @@ impl Buffers {
         self.shape == Shape::new(size, settings, has_sky, has_emitters)
     }
 
-    /// Forgets how many levels the grids of other lights should have had at most.
+    /// Forgets how many levels the grids of other lights should have had at most, and grids that
+    /// were held to that.
     pub fn forget_levels(&mut self) {
         let Work { emitted, bounced, sets, .. } = &mut self.work;
-        emitted.iter_mut().chain(bounced).for_each(Lights::forget_levels);
         sets.iter_mut().for_each(SetRoom::forget_levels);
+        let capped = emitted.iter_mut().chain(bounced).map(Lights::forget_levels);
+        if capped.filter(|was_capped| *was_capped).count() > 0 {
+            self.begin_build();
+        }
     }
 
     /// Forgets how much work light paths and levels were, now and when frames recorded before are
     /// looked at: the lights are others.
     pub fn forget_work(&mut self) {
         self.lit = Arc::default();
+        self.begin_build();
         self.forget_learned_work();
+    }
+
+    /// Whether the lights of a frame lie here already.
+    pub fn has_built(&self, recipe: &Recipe) -> bool {
+        self.built.as_ref() == Some(recipe)
+    }
+
+    /// Lights are about to be made; a number for [`Buffers::end_build`].
+    pub fn begin_build(&mut self) -> u32 {
+        self.built = None;
+        self.builds += 1;
+        self.builds
+    }
+
+    /// They were made, and lacked nothing: they lie here, if no others were begun since.
+    pub fn end_build(&mut self, build: u32, recipe: Recipe) {
+        if build == self.builds {
+            self.built = Some(recipe);
+        }
     }
 
     fn forget_learned_work(&mut self) {
@@ -331,7 +380,8 @@ impl Buffers {
         // What grows must not stand beside what it was.
         drop(work);
         let work = Work::new(gpu, &shape, settings, room)?;
-        Ok((Self { shape, generation: Arc::default(), lit, receivers, work }, true))
+        let generation = Arc::default();
+        Ok((Self { shape, generation, lit, built: None, builds: 0, receivers, work }, true))
     }
 }
 

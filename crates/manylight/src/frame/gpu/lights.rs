@@ -157,11 +157,11 @@ impl Lights {
         (self.grid_lights > 0).then_some(self.reach.alpha)
     }
 
-    /// Forgets how many levels the grid should have had at most.
-    pub fn forget_levels(&mut self) {
-        if let Some(gathered) = &mut self.gathered {
-            gathered.level_cap = MAX_LEVELS;
-        }
+    /// Forgets how many levels the grid should have had at most; whether that was known.
+    pub fn forget_levels(&mut self) -> bool {
+        self.gathered.as_mut().is_some_and(|gathered| {
+            std::mem::replace(&mut gathered.level_cap, MAX_LEVELS) != MAX_LEVELS
+        })
     }
 
     /// Forgets how much work light paths and levels were: the lights are others.

@@ -30,7 +30,7 @@ use crate::settings::{Method, Settings};
 use crate::surface::ViewFrame;
 use crate::surface::gpu::ReceiverTextures;
 use crate::world::gpu::GpuWorld;
-use buffers::{Buffers, GatherRef, Work};
+use buffers::{Buffers, GatherRef, Recipe, Work};
 use glam::Vec2;
 use lights::Lights;
 use manylight_scene::Camera;
@@ -66,6 +66,8 @@ struct Job<'a> {
     noise: u32,
     /// Whether virtual lights and grids of the frame before are kept.
     keeps_lights: bool,
+    /// Whether they may be, where they would be made the same way again.
+    may_keep: bool,
     /// Receivers that are not traced.
     given: Option<ReceiverTextures<'a>>,
 }
@@ -73,7 +75,8 @@ struct Job<'a> {
 impl<'a> Job<'a> {
     /// The first sample of a single picture.
     fn new(view: &'a ViewFrame, settings: &'a Settings) -> Self {
-        Self { view, settings, sample: 0, noise: 0, keeps_lights: false, given: None }
+        let (sample, noise, given) = (0, 0, None);
+        Self { view, settings, sample, noise, keeps_lights: false, may_keep: true, given }
     }
 
     /// Seed of the rays that ask for shadows.
@@ -192,7 +195,7 @@ impl GpuRenderer {
         let keeps_lights = keeps_lights && fits;
         let kept = self.past.take();
         let mut past = self.gpu.guard(|| GpuPast::go_on(kept, self, &view, settings))?;
-        let mut job = Job { keeps_lights, ..Job::new(&view, settings) };
+        let mut job = Job { keeps_lights, may_keep: false, ..Job::new(&view, settings) };
         if let Some(past) = &mut past {
             job.noise = noise(past.timed);
             past.timed += 1;
@@ -217,8 +220,11 @@ impl GpuRenderer {
         if std::mem::take(&mut self.forgets_levels) {
             buffers.forget_levels();
         }
+        let recipe = Recipe::new(job.settings, job.seed());
+        job.keeps_lights |= job.may_keep && self.has_built(&buffers, job.settings, &recipe);
         for _ in 0..MOST_TRIES {
             // After a build that lacked room nothing is kept.
+            let build = (!job.keeps_lights).then(|| buffers.begin_build());
             let (times, needs) = self.gpu.guard(|| match job.settings.method {
                 Method::Brute => self.run_brute(&buffers, job, progress),
                 _ => self.run_grid(&buffers, job, history.as_deref_mut()),
@@ -227,6 +233,9 @@ impl GpuRenderer {
             let lacked;
             (buffers, lacked) =
                 self.gpu.guard(|| buffers.grown(&self.gpu, job.settings, &needs))?;
+            if let Some(build) = build.filter(|_| !lacked) {
+                buffers.end_build(build, recipe.clone());
+            }
             if !lacked || job.sample > 0 {
                 self.buffers = Some(buffers);
                 return Ok((!lacked).then_some(times));
@@ -237,6 +246,13 @@ impl GpuRenderer {
             }
         }
         Err(endless())
+    }
+
+    /// Whether the lights and grids that a frame would make lie in its buffers.
+    fn has_built(&self, buffers: &Buffers, settings: &Settings, recipe: &Recipe) -> bool {
+        // Shaders that change may change the lights.
+        let has_grids = settings.method != Method::Brute && !self.gpu.reloads_shaders();
+        has_grids && buffers.has_built(recipe)
     }
 
     /// Records and runs the frame of the grid method and of direct light alone.

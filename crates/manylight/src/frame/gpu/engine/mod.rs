@@ -4,7 +4,7 @@
 //! Nothing is submitted, waited for or read back on the way. What a frame would have needed comes
 //! back by itself; where a buffer was too small it grows, and the frames after it lack nothing.
 
-use super::buffers::Origin;
+use super::buffers::{Origin, Recipe};
 use super::{Buffers, GpuPast, GpuRenderer, Job, Renderer, check_size, noise, nothing_shines};
 use crate::composite::store::record_store;
 use crate::emitter::Emitters;
@@ -53,13 +53,17 @@ struct Recorded {
     needs: Later,
     origin: Origin,
     settings: Settings,
+    /// The lights that it made.
+    build: Option<(u32, Recipe)>,
 }
 
 impl GpuRenderer {
     /// Records a frame between the commands of an engine, one sample a pixel.
     ///
     /// `frame_seed` stands in the place of [`Settings::seed`]: one for each frame gives each its
-    /// own noise. With `filter.temporal` it makes the noise of the shadow rays alone, light paths
+    /// own noise, and light paths of its own. Where it stays, so do virtual lights and their grids,
+    /// as soon as a frame that made them has been looked at and until lights, or settings that
+    /// they are made by, change. With `filter.temporal` it makes the noise of the shadow rays alone, light paths
     /// stay where they are, and frames add up; anew after frames that lacked room or were never
     /// submitted, after cuts and [`GpuRenderer::forget_past`].
     ///
@@ -98,10 +102,13 @@ impl GpuRenderer {
         };
         let settings = Settings { seed, film, ..settings.clone() };
         let view = ViewFrame::new(camera, size[0], size[1]);
-        let job = Job { noise, given, ..Job::new(&view, &settings) };
+        let mut job = Job { noise, given, ..Job::new(&view, &settings) };
+        let recipe = Recipe::new(&settings, job.seed());
         let (kept, kept_past) = (self.buffers.take(), self.past.take());
-        let (buffers, past, needs) = self.gpu.guard(|| {
-            let buffers = Buffers::take(kept, self, size, &settings)?;
+        let (buffers, past, needs, build) = self.gpu.guard(|| {
+            let mut buffers = Buffers::take(kept, self, size, &settings)?;
+            job.keeps_lights = self.has_built(&buffers, &settings, &recipe);
+            let build = (!job.keeps_lights).then(|| buffers.begin_build());
             let mut past = GpuPast::go_on(kept_past, self, &view, &settings)?;
             let history = past.as_mut().map(|past| &mut past.history);
             let needs = self.gpu.record_into(encoder, Some(self.scene.group()), |rec| {
@@ -109,10 +116,11 @@ impl GpuRenderer {
                 targets.store(rec, &buffers);
                 buffers.record_needs(rec)
             });
-            Ok((buffers, past, needs))
+            Ok((buffers, past, needs, build))
         })?;
         let origin = buffers.origin();
-        self.in_flight.frames.push(Recorded { needs, origin, settings });
+        let build = build.map(|build| (build, recipe));
+        self.in_flight.frames.push(Recorded { needs, origin, settings, build });
         (self.buffers, self.past) = (Some(buffers), past);
         Ok(())
     }
@@ -206,8 +214,11 @@ impl Recorded {
         let own = buffers.take_if(|b| b.are_of(&self.origin));
         let Some(own) = own else { return Ok(true) };
         let needs = own.parse_needs(bytes);
-        let (own, lacked) =
+        let (mut own, lacked) =
             gpu.guard(|| own.grown_since(gpu, &self.settings, &needs, &self.origin))?;
+        if let Some((build, recipe)) = self.build.filter(|_| !lacked) {
+            own.end_build(build, recipe);
+        }
         *buffers = Some(own);
         Ok(lacked)
     }

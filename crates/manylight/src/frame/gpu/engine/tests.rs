@@ -270,6 +270,51 @@ fn lights_that_change_every_frame_and_that_few_paths_find_are_complete_at_last()
 }
 
 #[test]
+fn lights_are_made_again_only_where_they_would_be_others() {
+    let Some(mut rented) = Rented::new(only_a_lamp) else { return };
+    let camera = rented.camera.clone();
+    let other = Camera { position: camera.position + Vec3::X * 0.2, ..camera.clone() };
+    let settings = settings();
+    // Pictures of other seeds before them leave nothing to keep.
+    let mut alone = |camera: &Camera, seed| {
+        rented.render(&settings, 99);
+        rented.render_from(camera, &settings, seed).layers.beauty()
+    };
+    let expected = [alone(&camera, 7), alone(&other, 7), alone(&camera, 8)];
+    let view = rented.target();
+    let frame = |rented: &mut Rented, camera: &Camera, seed, is_submitted| {
+        let before = rented.renderer().gpu().dispatches();
+        let mut encoder = rented.encoder();
+        rented.record(&mut encoder, camera, seed, &composite(&view));
+        let dispatches = rented.renderer().gpu().dispatches() - before;
+        if is_submitted {
+            assert!(!rented.submit(encoder), "the buffers had their size");
+        }
+        dispatches
+    };
+    let picture = |rented: &mut Rented| read(rented.renderer().gpu(), &view);
+    rented.render(&settings, 99);
+    let made = frame(&mut rented, &camera, 7, true);
+    assert_same(&picture(&mut rented), &expected[0], "made");
+    // The camera alone has moved.
+    let kept = frame(&mut rented, &other, 7, true);
+    assert!(kept + 40 < made, "{made} dispatches, then {kept}");
+    assert_same(&picture(&mut rented), &expected[1], "kept");
+    // Lights that are never made take the place of those that were.
+    assert!(frame(&mut rented, &camera, 8, false) > kept + 40);
+    assert!(frame(&mut rented, &camera, 8, true) > kept + 40);
+    assert_same(&picture(&mut rented), &expected[2], "made after one that was not");
+    // Nor are they kept while nobody knows whether they are done.
+    assert!(frame(&mut rented, &camera, 7, false) > kept + 40);
+    assert!(frame(&mut rented, &other, 7, true) > kept + 40);
+    assert_same(&picture(&mut rented), &expected[1], "made once more");
+    let before = picture(&mut rented);
+    rented.renderer().set_lights(vec![sun()], None).expect("lights");
+    assert!(frame(&mut rented, &other, 7, true) > kept + 40);
+    assert!(picture(&mut rented) != before);
+}
+
+#[test]
 fn fine_levels_are_those_of_the_same_settings() {
     let Some(mut rented) = Rented::new(only_a_lamp) else { return };
     let camera = rented.camera.clone();
