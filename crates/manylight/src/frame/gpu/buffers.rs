@@ -183,6 +183,46 @@ impl Recipe {
     }
 }
 
+/// Which virtual lights and grids lie in the buffers of a frame once all that was recorded is done.
+#[derive(Debug, Default)]
+pub(super) struct Builds {
+    /// What the last ones that were recorded are made from.
+    begun: Option<Recipe>,
+    /// Number of the first of those that are made from it, one after another, and of the last.
+    numbers: [u32; 2],
+    /// Whether one of them is known to be done, and lacked nothing.
+    is_done: bool,
+}
+
+impl Builds {
+    /// Whether the lights of a frame lie here already.
+    pub fn has(&self, recipe: &Recipe) -> bool {
+        self.is_done && self.begun.as_ref() == Some(recipe)
+    }
+
+    /// Lights are about to be made; a number for [`Builds::end`].
+    pub fn begin(&mut self, recipe: &Recipe) -> u32 {
+        self.numbers[1] += 1;
+        if self.begun.as_ref() != Some(recipe) {
+            let [first, last] = &mut self.numbers;
+            (*first, self.is_done) = (*last, false);
+            self.begun = Some(recipe.clone());
+        }
+        self.numbers[1]
+    }
+
+    /// They were made, and lacked nothing; whatever was begun since writes the same, or other
+    /// lights are awaited now.
+    pub fn end(&mut self, number: u32) {
+        self.is_done |= self.begun.is_some() && number >= self.numbers[0];
+    }
+
+    /// What lies here is of no use.
+    fn forget(&mut self) {
+        (self.begun, self.is_done) = (None, false);
+    }
+}
+
 /// What a frame was recorded with.
 #[derive(Debug)]
 pub(super) struct Origin {
@@ -198,10 +238,7 @@ pub(super) struct Buffers {
     generation: Arc<()>,
     /// Another one whenever the lights of the scene are others.
     lit: Arc<()>,
-    /// What the lights and grids were made from that lie here once all recorded frames are done.
-    built: Option<Recipe>,
-    /// How often lights were recorded to be made.
-    builds: u32,
+    builds: Builds,
     pub receivers: GpuReceivers,
     pub work: Work,
 }
@@ -232,7 +269,7 @@ impl Buffers {
         };
         let work = Work::new(gpu, &shape, settings, room)?;
         let (generation, lit) = Default::default();
-        Ok(Self { shape, generation, lit, built: None, builds: 0, receivers, work })
+        Ok(Self { shape, generation, lit, builds: Builds::default(), receivers, work })
     }
 
     /// Whether they are those of frames of a size with some settings.
@@ -248,7 +285,7 @@ impl Buffers {
         sets.iter_mut().for_each(SetRoom::forget_levels);
         let capped = emitted.iter_mut().chain(bounced).map(Lights::forget_levels);
         if capped.filter(|was_capped| *was_capped).count() > 0 {
-            self.begin_build();
+            self.builds.forget();
         }
     }
 
@@ -256,27 +293,13 @@ impl Buffers {
     /// looked at: the lights are others.
     pub fn forget_work(&mut self) {
         self.lit = Arc::default();
-        self.begin_build();
+        self.builds.forget();
         self.forget_learned_work();
     }
 
-    /// Whether the lights of a frame lie here already.
-    pub fn has_built(&self, recipe: &Recipe) -> bool {
-        self.built.as_ref() == Some(recipe)
-    }
-
-    /// Lights are about to be made; a number for [`Buffers::end_build`].
-    pub fn begin_build(&mut self) -> u32 {
-        self.built = None;
-        self.builds += 1;
-        self.builds
-    }
-
-    /// They were made, and lacked nothing: they lie here, if no others were begun since.
-    pub fn end_build(&mut self, build: u32, recipe: Recipe) {
-        if build == self.builds {
-            self.built = Some(recipe);
-        }
+    /// Which lights lie here.
+    pub fn builds(&mut self) -> &mut Builds {
+        &mut self.builds
     }
 
     fn forget_learned_work(&mut self) {
@@ -381,7 +404,7 @@ impl Buffers {
         drop(work);
         let work = Work::new(gpu, &shape, settings, room)?;
         let generation = Arc::default();
-        Ok((Self { shape, generation, lit, built: None, builds: 0, receivers, work }, true))
+        Ok((Self { shape, generation, lit, builds: Builds::default(), receivers, work }, true))
     }
 }
 

@@ -221,10 +221,10 @@ impl GpuRenderer {
             buffers.forget_levels();
         }
         let recipe = Recipe::new(job.settings, job.seed());
-        job.keeps_lights |= job.may_keep && self.has_built(&buffers, job.settings, &recipe);
+        job.keeps_lights |= job.may_keep && self.has_built(&mut buffers, job.settings, &recipe);
         for _ in 0..MOST_TRIES {
             // After a build that lacked room nothing is kept.
-            let build = (!job.keeps_lights).then(|| buffers.begin_build());
+            let build = (!job.keeps_lights).then(|| buffers.builds().begin(&recipe));
             let (times, needs) = self.gpu.guard(|| match job.settings.method {
                 Method::Brute => self.run_brute(&buffers, job, progress),
                 _ => self.run_grid(&buffers, job, history.as_deref_mut()),
@@ -234,7 +234,7 @@ impl GpuRenderer {
             (buffers, lacked) =
                 self.gpu.guard(|| buffers.grown(&self.gpu, job.settings, &needs))?;
             if let Some(build) = build.filter(|_| !lacked) {
-                buffers.end_build(build, recipe.clone());
+                buffers.builds().end(build);
             }
             if !lacked || job.sample > 0 {
                 self.buffers = Some(buffers);
@@ -249,10 +249,10 @@ impl GpuRenderer {
     }
 
     /// Whether the lights and grids that a frame would make lie in its buffers.
-    fn has_built(&self, buffers: &Buffers, settings: &Settings, recipe: &Recipe) -> bool {
+    fn has_built(&self, buffers: &mut Buffers, settings: &Settings, recipe: &Recipe) -> bool {
         // Shaders that change may change the lights.
         let has_grids = settings.method != Method::Brute && !self.gpu.reloads_shaders();
-        has_grids && buffers.has_built(recipe)
+        has_grids && buffers.builds().has(recipe)
     }
 
     /// Records and runs the frame of the grid method and of direct light alone.

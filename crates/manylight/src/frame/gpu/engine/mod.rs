@@ -53,8 +53,8 @@ struct Recorded {
     needs: Later,
     origin: Origin,
     settings: Settings,
-    /// The lights that it made.
-    build: Option<(u32, Recipe)>,
+    /// Number of the lights that it made.
+    build: Option<u32>,
 }
 
 impl GpuRenderer {
@@ -107,8 +107,8 @@ impl GpuRenderer {
         let (kept, kept_past) = (self.buffers.take(), self.past.take());
         let (buffers, past, needs, build) = self.gpu.guard(|| {
             let mut buffers = Buffers::take(kept, self, size, &settings)?;
-            job.keeps_lights = self.has_built(&buffers, &settings, &recipe);
-            let build = (!job.keeps_lights).then(|| buffers.begin_build());
+            job.keeps_lights = self.has_built(&mut buffers, &settings, &recipe);
+            let build = (!job.keeps_lights).then(|| buffers.builds().begin(&recipe));
             let mut past = GpuPast::go_on(kept_past, self, &view, &settings)?;
             let history = past.as_mut().map(|past| &mut past.history);
             let needs = self.gpu.record_into(encoder, Some(self.scene.group()), |rec| {
@@ -119,7 +119,6 @@ impl GpuRenderer {
             Ok((buffers, past, needs, build))
         })?;
         let origin = buffers.origin();
-        let build = build.map(|build| (build, recipe));
         self.in_flight.frames.push(Recorded { needs, origin, settings, build });
         (self.buffers, self.past) = (Some(buffers), past);
         Ok(())
@@ -216,8 +215,8 @@ impl Recorded {
         let needs = own.parse_needs(bytes);
         let (mut own, lacked) =
             gpu.guard(|| own.grown_since(gpu, &self.settings, &needs, &self.origin))?;
-        if let Some((build, recipe)) = self.build.filter(|_| !lacked) {
-            own.end_build(build, recipe);
+        if let Some(build) = self.build.filter(|_| !lacked) {
+            own.builds().end(build);
         }
         *buffers = Some(own);
         Ok(lacked)

@@ -308,9 +308,23 @@ fn lights_are_made_again_only_where_they_would_be_others() {
     assert!(frame(&mut rented, &camera, 7, false) > kept + 40);
     assert!(frame(&mut rented, &other, 7, true) > kept + 40);
     assert_same(&picture(&mut rented), &expected[1], "made once more");
+    // Frames are under way all the time, and one of them is known to be done.
+    let mut encoders = [rented.encoder(), rented.encoder()];
+    for encoder in &mut encoders {
+        rented.record(encoder, &camera, 8, &composite(&view));
+    }
+    let [first, second] = encoders;
+    assert!(!rented.submit(first));
+    let mut third = rented.encoder();
+    let before = rented.renderer().gpu().dispatches();
+    rented.record(&mut third, &camera, 8, &composite(&view));
+    assert!(rented.renderer().gpu().dispatches() - before <= kept);
+    rented.renderer().gpu().queue().submit([second.finish()]);
+    assert!(!rented.submit(third));
+    assert_same(&picture(&mut rented), &expected[2], "kept while others are under way");
     let before = picture(&mut rented);
     rented.renderer().set_lights(vec![sun()], None).expect("lights");
-    assert!(frame(&mut rented, &other, 7, true) > kept + 40);
+    assert!(frame(&mut rented, &camera, 8, true) > kept + 40);
     assert!(picture(&mut rented) != before);
 }
 
