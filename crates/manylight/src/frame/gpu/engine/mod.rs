@@ -63,9 +63,9 @@ impl GpuRenderer {
     /// `frame_seed` stands in the place of [`Settings::seed`]: one for each frame gives each its
     /// own noise, and light paths of its own. Where it stays, so do virtual lights and their grids,
     /// as soon as a frame that made them has been looked at and until lights, or settings that
-    /// they are made by, change. With `filter.temporal` it makes the noise of the shadow rays alone, light paths
-    /// stay where they are, and frames add up; anew after frames that lacked room or were never
-    /// submitted, after cuts and [`GpuRenderer::forget_past`].
+    /// they are made by, change. With `filter.temporal` it makes the noise of the shadow rays
+    /// alone, light paths stay where they are, and frames add up; anew after frames that lacked
+    /// room or were never submitted, after cuts and [`GpuRenderer::forget_past`].
     ///
     /// Any number of frames may be recorded before one is submitted, and be under way at a time;
     /// each finds camera, settings and lights as they were when it was recorded. They share
