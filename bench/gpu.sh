@@ -10,8 +10,8 @@
 #   DEVICE   part of the device's name; else the fastest one
 #
 # Meant to take under eight minutes on an H200-class device; it has not run on one yet. Every step
-# has a limit of its own, so that one that hangs does not take the others with it; what failed is
-# listed at the end.
+# has a limit of its own, so that one that hangs does not take the others with it, and after seven
+# and a half minutes none begins; what failed or was left out is listed at the end.
 set -uo pipefail
 program=$1 scenes=$2 out=$3 device=${4:-}
 mkdir -p "$out"
@@ -25,6 +25,10 @@ step() {
   local limit=$1 name=$2
   shift 2
   local start=$SECONDS
+  if [ "$start" -gt 450 ]; then
+    failed+=("$name: no time left")
+    return
+  fi
   if ! timeout "$limit" "$program" "$@" "${chosen[@]}" >"$out/$name.json" 2>"$out/$name.err"; then
     failed+=("$name")
   fi
@@ -39,6 +43,24 @@ cat "$out/devices.json"
 # Does it run, and is it right?
 step 60 diff-cornell diff-stages builtin:cornell --json
 step 90 diff-sponza diff-stages "$shots/sponza-atrium.json" --json
+
+# The same bits on two runs, and all shots as on the processor.
+for run in 1 2; do
+  step 40 "bits-$run" render "$shots/sponza-atrium.json" --backend gpu --size 320x180 --json \
+    -o "$out/bits-$run.pfm"
+done
+cmp "$out/bits-1.pfm" "$out/bits-2.pfm" || failed+=("bits: two runs differ")
+rm -f "$out"/bits-?.pfm
+for shot in "$shots"/*.json; do
+  name=$(basename "$shot" .json)
+  for backend in gpu cpu; do
+    step 30 "small-$backend-$name" render "$shot" --backend "$backend" --size 192x108 --json \
+      --set vpls.count=10000 -o "$out/$name-$backend.exr"
+  done
+  "$program" compare "$out/$name-gpu.exr" "$out/$name-cpu.exr" --max-flip 0.01 --json \
+    >"$out/compare-small-$name.json" || failed+=("compare-small-$name")
+  rm -f "$out/$name-gpu.exr" "$out/$name-cpu.exr"
+done
 
 # The rows of the design's table.
 million=(--set vpls.count=1000000 --set grid.alpha=1)
@@ -105,7 +127,14 @@ for file in "$out"/*.json; do
     sed -E "s/\"([^\"]*)\":\{\"median_ms\":([^,]*),\"p10_ms\":([^,]*),\"p90_ms\":([^,]*),.*/$name,\1,\2,\3,\4/" \
       >>"$out/summary.csv"
 done
+# Ray rates and memory beside them.
+echo "name,key,value" >"$out/figures.csv"
+for file in "$out"/*.json; do
+  name=$(basename "$file" .json)
+  grep -oE '"(mrays_per_s|device_memory_mib|dispatches)":[0-9.]+' "$file" 2>/dev/null |
+    sed -E "s/\"(.*)\":(.*)/$name,\1,\2/" >>"$out/figures.csv"
+done
 if [ ${#failed[@]} -gt 0 ]; then
-  echo "failed: ${failed[*]}"
+  printf 'failed: %s\n' "${failed[@]}"
   exit 1
 fi
