@@ -7,9 +7,12 @@ use std::time::Duration;
 /// follows 80 million a second.
 const MOST_RAYS: usize = 1 << 22;
 
-/// Items of which each follows some rays, in parts that are a dispatch each.
+/// Most dispatches that work inside a frame is cut into.
+const MOST_PARTS: usize = 64;
+
+/// Items of which each follows some rays, in parts that are a dispatch each: whole eights of them.
 pub fn dispatches_of(items: usize, rays: usize) -> impl Iterator<Item = Range<usize>> {
-    let most = (MOST_RAYS / rays.max(1)).max(1);
+    let most = (MOST_RAYS / rays.max(1)).max(items.div_ceil(MOST_PARTS)).next_multiple_of(8);
     (0..items).step_by(most).map(move |first| first..items.min(first + most))
 }
 
@@ -60,7 +63,8 @@ mod tests {
         assert_eq!(parts_of_sky.len(), 4);
         assert!(parts_of_sky.windows(2).all(|w| w[0].end == w[1].start));
         assert_eq!(parts_of_sky[3].end, 3840 * 2160);
-        assert_eq!(parts(3, MOST_RAYS + 1), [0..1, 1..2, 2..3]);
+        assert_eq!(parts(17, MOST_RAYS + 1), [0..8, 8..16, 16..17]);
+        assert_eq!(parts(1 << 28, 1 << 20).len(), MOST_PARTS);
         assert!(parts(0, 1).is_empty());
     }
 

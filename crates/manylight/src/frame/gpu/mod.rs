@@ -215,6 +215,11 @@ impl GpuRenderer {
         progress: Progress<'_>,
     ) -> Result<Option<Vec<StageTime>>, Error> {
         let size = [job.view.width, job.view.height];
+        if !self.in_flight.is_empty() {
+            // Those of an engine that are still open after this were not submitted yet.
+            self.gpu.wait()?;
+            self.look_at_frames()?;
+        }
         let kept = self.buffers.take();
         let mut buffers = self.gpu.guard(|| Buffers::take(kept, self, size, job.settings))?;
         if std::mem::take(&mut self.forgets_levels) {
@@ -222,6 +227,9 @@ impl GpuRenderer {
         }
         let recipe = Recipe::new(job.settings, job.seed());
         job.keeps_lights |= job.may_keep && self.has_built(&mut buffers, job.settings, &recipe);
+        if !job.keeps_lights && self.in_flight.counts_on(&buffers) {
+            buffers = self.gpu.guard(|| Buffers::take(None, self, size, job.settings))?;
+        }
         for _ in 0..MOST_TRIES {
             // After a build that lacked room nothing is kept.
             let build = (!job.keeps_lights).then(|| buffers.builds().begin(&recipe));

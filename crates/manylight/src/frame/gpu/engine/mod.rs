@@ -47,6 +47,18 @@ pub(super) struct InFlight {
     lacked: bool,
 }
 
+impl InFlight {
+    /// Whether all frames have been looked at.
+    pub fn is_empty(&self) -> bool {
+        self.frames.is_empty()
+    }
+
+    /// Whether a frame may need what lies in some buffers.
+    pub fn counts_on(&self, buffers: &Buffers) -> bool {
+        self.frames.iter().any(|frame| buffers.are_of(&frame.origin))
+    }
+}
+
 /// A frame that has been recorded.
 #[derive(Debug)]
 struct Recorded {
@@ -69,8 +81,8 @@ impl GpuRenderer {
     ///
     /// Any number of frames may be recorded before one is submitted, and be under way at a time;
     /// each finds camera, settings and lights as they were when it was recorded. They share
-    /// everything that they work on, so they have to be submitted in one order to one queue, which
-    /// is that of [`Gpu::queue`].
+    /// everything that they work on, so they have to be submitted in the order in which they were
+    /// recorded, to one queue, which is that of [`Gpu::queue`].
     ///
     /// Errors: a setting outside its range, the methods `brute` and `path`, textures that do not
     /// fit, more than the device can hold, and for frames before as
@@ -139,7 +151,7 @@ impl GpuRenderer {
         Ok(take(&mut self.in_flight.lacked))
     }
 
-    fn look_at_frames(&mut self) -> Result<(), Error> {
+    pub(super) fn look_at_frames(&mut self) -> Result<(), Error> {
         let Self { gpu, buffers, in_flight, past, .. } = self;
         gpu.poll()?;
         let mut open = Vec::new();

@@ -322,6 +322,14 @@ fn lights_are_made_again_only_where_they_would_be_others() {
     rented.renderer().gpu().queue().submit([second.finish()]);
     assert!(!rented.submit(third));
     assert_same(&picture(&mut rented), &expected[2], "kept while others are under way");
+    // A picture of other lights comes before a frame that counts on those that lie there.
+    let mut encoder = rented.encoder();
+    rented.record(&mut encoder, &camera, 8, &composite(&view));
+    rented.render(&settings, 99);
+    rented.submit(encoder);
+    assert_same(&picture(&mut rented), &expected[2], "with a picture in between");
+    frame(&mut rented, &camera, 8, true);
+    assert_same(&picture(&mut rented), &expected[2], "after it");
     let before = picture(&mut rented);
     rented.renderer().set_lights(vec![sun()], None).expect("lights");
     assert!(frame(&mut rented, &camera, 8, true) > kept + 40);
