@@ -65,7 +65,9 @@ impl Both {
         assert!(rows.iter().all(|row| row.stage != "receivers" || row.compared > 0), "{name}");
     }
 
+    /// With lights of its own, though those of the picture before were made the same way.
     fn on_device(&mut self, size: [usize; 2], settings: &Settings) -> Layers {
+        self.engine.buffers.iter_mut().for_each(Buffers::forget_work);
         let frame = self.engine.render(&self.camera, size, settings, &|_, _| ());
         frame.expect("a frame on the device").layers
     }
