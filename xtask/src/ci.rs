@@ -1,14 +1,14 @@
 //! Every check in order, cheapest first within its kind; stops at the first that fails.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, ExitCode, Stdio};
 use std::time::Instant;
 
-use crate::driver::Driver;
-use crate::{SCANS, report};
+use manylight_testing::{REQUIRE_GPU, is_device_required};
 
-/// What makes tests that find no graphics device fail.
-const REQUIRE: &str = "MANYLIGHT_REQUIRE_GPU";
+use crate::driver::Driver;
+use crate::skipped::Skipped;
+use crate::{SCANS, report};
 
 /// A cargo command with the reason it is run.
 struct Step {
@@ -16,6 +16,9 @@ struct Step {
     why: &'static str,
     args: &'static [&'static str],
 }
+
+/// Which of the steps says what its tests skip.
+const TEST: &str = "test";
 
 /// Which of the steps is run with the driver that `setup` set aside.
 const WITH_DRIVER: &str = "features";
@@ -45,14 +48,25 @@ const STEPS: [Step; 8] = [
         args: &["test", "--workspace", "--lib", "says_which_device", "--", "--nocapture"],
     },
     Step {
-        name: "test",
+        name: TEST,
         why: "unit, integration and documentation tests: the lower rungs of the ladder",
-        args: &["test", "--workspace"],
+        args: &["test", "--workspace", "--", "--show-output"],
     },
     Step {
         name: WITH_DRIVER,
         why: "what few drivers offer is tested with one that is set aside",
-        args: &["test", "--workspace", "--lib", "--", "ray_queries", "bindless"],
+        args: &[
+            "test",
+            "-p",
+            "manylight",
+            "--lib",
+            "--test",
+            "validation",
+            "--",
+            "--show-output",
+            "ray_queries",
+            "bindless",
+        ],
     },
     Step {
         name: "doc",
@@ -70,42 +84,43 @@ const STEPS: [Step; 8] = [
 pub(crate) fn run(root: &Path) -> ExitCode {
     let start = Instant::now();
     let mut done = 0;
+    let mut skipped = Skipped::default();
     let scans = SCANS.iter().map(|s| (s.0, s.1));
     let all: Vec<_> = STEPS.iter().map(|s| (s.name, s.why)).chain(scans).collect();
     for (i, (name, why)) in all.iter().enumerate() {
         println!("== {name}: {why}");
         let step_start = Instant::now();
         let ok = match STEPS.get(i) {
-            Some(step) if step.name == WITH_DRIVER => with_driver(root, step.args),
-            Some(step) => cargo(root, step.args, &[]),
+            Some(step) if step.name == WITH_DRIVER => with_driver(root, step.args, &mut skipped),
+            Some(step) if step.name == TEST => skipped.run(command(root, step.args)),
+            Some(step) => run_command(command(root, step.args)),
             None => report(name, SCANS[i - STEPS.len()].2(root)),
         };
         println!("-- {name}: {:.1} s", step_start.elapsed().as_secs_f64());
         if !ok {
+            skipped.print();
             eprintln!("ci: {name} failed after {done} of {} steps", all.len());
             return ExitCode::FAILURE;
         }
         done += 1;
     }
+    skipped.print();
     println!("ci: all {done} steps passed in {:.1} s", start.elapsed().as_secs_f64());
     ExitCode::SUCCESS
 }
 
 /// Runs tests with the driver that was set aside. Without it they are skipped, or fail where tests
 /// of graphics devices are required.
-fn with_driver(root: &Path, args: &[&str]) -> bool {
+fn with_driver(root: &Path, args: &[&str], skipped: &mut Skipped) -> bool {
     let Some(driver) = Driver::find(root) else {
         let reason = "no Vulkan driver with ray queries is set aside; `cargo xtask setup` does so \
                       on Debian";
-        let is_required = std::env::var_os(REQUIRE).is_some_and(|value| !value.is_empty());
-        match is_required {
-            true => eprintln!("{reason}, and {REQUIRE} is set"),
-            false => println!("  skipped: {reason}"),
+        match is_device_required() {
+            true => eprintln!("{reason}, and {REQUIRE_GPU} is set"),
+            false => skipped.add(reason, &format!("step {WITH_DRIVER}")),
         }
-        return !is_required;
+        return !is_device_required();
     };
-    let mut environment = driver.environment();
-    environment.push((REQUIRE, "all".into()));
     // A filter that no name of a test matches would pass.
     match count_tests(root, args) {
         Ok(count) => println!("  {count} tests"),
@@ -114,7 +129,9 @@ fn with_driver(root: &Path, args: &[&str]) -> bool {
             return false;
         }
     }
-    cargo(root, args, &environment)
+    let mut command = command(root, args);
+    command.envs(driver.environment()).env(REQUIRE_GPU, "all");
+    skipped.run(command)
 }
 
 /// How many tests `cargo test` with these arguments runs; an error without any.
@@ -132,9 +149,7 @@ fn count_tests(root: &Path, args: &[&str]) -> Result<usize, String> {
     }
 }
 
-fn cargo(root: &Path, args: &[&str], environment: &[(&str, PathBuf)]) -> bool {
-    let mut command = command(root, args);
-    command.envs(environment.iter().map(|(name, value)| (name, value)));
+fn run_command(mut command: Command) -> bool {
     match command.status() {
         Ok(status) => status.success(),
         Err(problem) => {

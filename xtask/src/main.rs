@@ -10,6 +10,7 @@ mod docs;
 mod shaders;
 mod driver;
 mod setup;
+mod skipped;
 mod ci;
 
 use std::path::{Path, PathBuf};

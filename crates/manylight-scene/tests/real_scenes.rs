@@ -1,22 +1,7 @@
 //! The eleven shots of the test scene collection load as their author described them.
 
-use std::path::PathBuf;
-
 use manylight_scene::{Light, Projection, Sky, load};
-
-/// Folder of the collection, or `None` with a printed reason. A missing folder fails on CI.
-fn find_scenes() -> Option<PathBuf> {
-    let beside_repository = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/scenes");
-    let folder = std::env::var("MANYLIGHT_SCENES").unwrap_or(beside_repository.to_owned());
-    let folder = PathBuf::from(folder);
-    if folder.join("shots").is_dir() {
-        return Some(folder);
-    }
-    let reason = format!("no test scenes in {}; set MANYLIGHT_SCENES", folder.display());
-    assert!(std::env::var_os("CI").is_none(), "{reason}");
-    eprintln!("skipped: {reason}");
-    None
-}
+use manylight_testing::scenes;
 
 /// (file, triangles as documented, flat triangles to be dropped)
 const SCENES: [(&str, u64, u64); 6] = [
@@ -30,7 +15,7 @@ const SCENES: [(&str, u64, u64); 6] = [
 
 #[test]
 fn scenes_have_their_documented_triangles() {
-    let Some(folder) = find_scenes() else { return };
+    let Some(folder) = scenes() else { return };
     for (name, documented_count, flat_count) in SCENES {
         let shot = load(&folder.join(format!("{name}.glb")).display().to_string()).unwrap();
         let flat = shot.warnings.iter().filter(|w| w.message.contains("without area"));
@@ -41,7 +26,7 @@ fn scenes_have_their_documented_triangles() {
 
 #[test]
 fn all_shots_load() {
-    let Some(folder) = find_scenes() else { return };
+    let Some(folder) = scenes() else { return };
     let mut count = 0;
     for entry in std::fs::read_dir(folder.join("shots")).unwrap() {
         let path = entry.unwrap().path();

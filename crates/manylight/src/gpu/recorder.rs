@@ -13,12 +13,13 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 /// Bytes from one uniform to the next: the largest alignment a device may ask for.
 const UNIFORM_STRIDE: usize = 256;
-/// Most uniforms of one submission.
-const MOST_UNIFORMS: usize = 4096;
+/// Bytes of the uniforms that share a buffer.
+const PAGE_BYTES: usize = 4096 * UNIFORM_STRIDE;
 
 /// A uniform value of one submission.
 #[derive(Debug)]
 pub struct Uniform<T> {
+    page: usize,
     offset: u64,
     holds: PhantomData<fn() -> T>,
 }
@@ -34,16 +35,34 @@ impl<T> Copy for Uniform<T> {}
 impl<T> Uniform<T> {
     /// Where it lies in the submission's uniforms.
     pub fn binding<'a>(&self, uniforms: &'a UniformMemory) -> Bound<'a> {
-        let (memory, offset, size) = (uniforms.held.memory, self.offset, size_of::<T>() as u64);
-        Bound::Bytes(&uniforms.raw, Place { memory, offset, size })
+        let page = &uniforms.pages[self.page];
+        let (memory, offset, size) = (page.held.memory, self.offset, size_of::<T>() as u64);
+        Bound::Bytes(&page.raw, Place { memory, offset, size })
     }
 }
 
-/// Where the uniforms of a submission lie.
+/// Where the uniforms of a submission lie: as many pages as it needs.
 #[derive(Debug)]
 pub struct UniformMemory {
+    pages: Vec<UniformPage>,
+}
+
+#[derive(Debug)]
+struct UniformPage {
     raw: wgpu::Buffer,
     held: HeldBytes,
+}
+
+impl UniformPage {
+    fn new(gpu: &Gpu) -> Self {
+        let raw = gpu.device().create_buffer(&wgpu::BufferDescriptor {
+            label: Some("uniforms"),
+            size: PAGE_BYTES as u64,
+            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        Self { raw, held: gpu.hold_bytes("uniforms", PAGE_BYTES as u64) }
+    }
 }
 
 /// Memory that submissions use one after another.
@@ -55,14 +74,7 @@ pub(super) struct Arena {
 
 impl Arena {
     pub fn new(gpu: &Gpu) -> Self {
-        let size = (UNIFORM_STRIDE * MOST_UNIFORMS) as u64;
-        let raw = gpu.device().create_buffer(&wgpu::BufferDescriptor {
-            label: Some("uniforms"),
-            size,
-            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
-        let uniforms = UniformMemory { raw, held: gpu.hold_bytes("uniforms", size) };
+        let uniforms = UniformMemory { pages: vec![UniformPage::new(gpu)] };
         Self { uniforms, timer: Timer::new(gpu) }
     }
 }
@@ -227,14 +239,17 @@ impl<'g> Recorder<'g> {
     }
 
     /// A uniform of this submission.
-    ///
-    /// Panics: beyond 4096 uniforms, which no frame needs
     pub fn uniform<T: Record>(&mut self, value: &T) -> Uniform<T> {
-        let offset = self.uniforms.len();
-        assert!(offset < UNIFORM_STRIDE * MOST_UNIFORMS, "too many uniforms in one submission");
+        const { assert!(size_of::<T>() <= UNIFORM_STRIDE) };
+        let first = self.uniforms.len();
+        let (page, offset) = (first / PAGE_BYTES, (first % PAGE_BYTES) as u64);
+        let pages = &mut self.arena.uniforms.pages;
+        if page == pages.len() {
+            pages.push(UniformPage::new(self.gpu));
+        }
         self.uniforms.extend_from_slice(bytemuck::bytes_of(value));
-        self.uniforms.resize(offset + size_of::<T>().next_multiple_of(UNIFORM_STRIDE), 0);
-        Uniform { offset: offset as u64, holds: PhantomData }
+        self.uniforms.resize(first + UNIFORM_STRIDE, 0);
+        Uniform { page, offset, holds: PhantomData }
     }
 
     /// Runs a kernel in a grid of workgroups.
@@ -315,9 +330,8 @@ impl<'g> Recorder<'g> {
 
     /// Before whatever is submitted next.
     fn write_uniforms(&self) {
-        if !self.uniforms.is_empty() {
-            self.gpu.queue().write_buffer(&self.arena.uniforms.raw, 0, &self.uniforms);
-        }
+        let pages = self.uniforms.chunks(PAGE_BYTES).zip(&self.arena.uniforms.pages);
+        pages.for_each(|(bytes, page)| self.gpu.queue().write_buffer(&page.raw, 0, bytes));
     }
 }
 

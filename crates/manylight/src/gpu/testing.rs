@@ -2,36 +2,20 @@
 
 use super::loops::{LAST_LOOP_GROUP, with_last_loop};
 use super::{Access, Feature, Features, Gpu, GpuOptions, KernelInfo, SHADERS, SceneTraits, link};
+use crate::error::Error;
+use manylight_testing::{skip_without_device, skip_without_feature};
 use std::sync::OnceLock;
 use wgpu::naga;
 
-/// A device with no more than every device has; `None`, with a printed reason, where there is
-/// none. With `MANYLIGHT_REQUIRE_GPU=1` that is a failure.
+/// A device with no more than every device has; without one the test at hand is skipped.
 pub(crate) fn device() -> Option<&'static Gpu> {
-    static DEVICE: OnceLock<Option<Gpu>> = OnceLock::new();
-    let open = || {
-        let options = GpuOptions { base: true, software: true, ..GpuOptions::default() };
-        match Gpu::open(&options) {
-            Ok(gpu) => Some(gpu),
-            Err(reason) if required(&["1", "all"]) => {
-                panic!("tests on a graphics device are required: {reason}")
-            }
-            Err(reason) => {
-                eprintln!("skipped: tests on a graphics device: {reason}");
-                None
-            }
-        }
-    };
-    DEVICE.get_or_init(open).as_ref()
+    static DEVICE: OnceLock<Result<Gpu, Error>> = OnceLock::new();
+    let options = GpuOptions { base: true, software: true, ..GpuOptions::default() };
+    let opened = DEVICE.get_or_init(|| Gpu::open(&options)).as_ref();
+    opened.inspect_err(|reason| skip_without_device(&reason.to_string())).ok()
 }
 
-/// Whether a missing device is a failure.
-fn required(values: &[&str]) -> bool {
-    std::env::var("MANYLIGHT_REQUIRE_GPU").is_ok_and(|v| values.contains(&v.as_str()))
-}
-
-/// A device with one thing that not every device offers; `None`, with a printed reason, where there
-/// is none. With `MANYLIGHT_REQUIRE_GPU=all` that is a failure.
+/// A device with one thing that not every device offers; without one the test at hand is skipped.
 pub(crate) fn device_with(feature: Feature) -> Option<Gpu> {
     let features = Features::only(feature);
     let options = GpuOptions { software: true, features, ..GpuOptions::default() };
@@ -40,16 +24,7 @@ pub(crate) fn device_with(feature: Feature) -> Option<Gpu> {
         true => Ok(gpu),
         false => Err(format!("{} does not offer {feature:?}", gpu.name())),
     });
-    match opened {
-        Ok(gpu) => Some(gpu),
-        Err(reason) if required(&["all"]) => {
-            panic!("tests with every feature of a graphics device are required: {reason}")
-        }
-        Err(reason) => {
-            eprintln!("skipped: tests of {feature:?}: {reason}");
-            None
-        }
-    }
+    opened.inspect_err(|reason| skip_without_feature(reason)).ok()
 }
 
 /// Links, parses and validates a kernel, and compares ports, records and workgroup with it: in the

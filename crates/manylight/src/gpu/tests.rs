@@ -31,6 +31,19 @@ fn check_prefix_sums(gpu: &Gpu) {
 }
 
 #[test]
+fn a_submission_has_as_many_uniforms_as_it_needs() {
+    let Some(gpu) = device() else { return };
+    let scan = Scan::new(gpu, 3).expect("scan");
+    let [many, last] = ["many", "last"].map(|name| gpu.upload(name, &[1u32, 2, 3]).expect("list"));
+    let mut rec = gpu.record(None);
+    (0..9000).for_each(|_| scan.record(&mut rec, &many, 1));
+    scan.record(&mut rec, &last, 3);
+    rec.submit().wait().expect("done");
+    assert_eq!(gpu.read(&many, 3).expect("read"), [0, 2, 3]);
+    assert_eq!(gpu.read(&last, 3).expect("read"), [0, 1, 3]);
+}
+
+#[test]
 fn memory_is_counted_until_it_is_dropped() {
     let Some(gpu) = device() else { return };
     // Other tests share the device: only the order of magnitude is certain.

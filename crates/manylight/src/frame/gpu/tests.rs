@@ -371,12 +371,9 @@ fn shots(folder: &Path) -> Vec<(PathBuf, String)> {
 
 #[test]
 fn real_scenes_look_as_on_the_processor() {
-    let Some(folder) = std::env::var_os("MANYLIGHT_SCENES") else {
-        eprintln!("skipped: real scenes on a graphics device; MANYLIGHT_SCENES is not set");
-        return;
-    };
-    let shots = shots(Path::new(&folder));
-    assert!(!shots.is_empty(), "no shots in MANYLIGHT_SCENES");
+    let Some(folder) = manylight_testing::scenes() else { return };
+    let shots = shots(&folder);
+    assert!(!shots.is_empty(), "no shots in {}", folder.display());
     let mut settings = Settings::default();
     (settings.vpls.count, settings.vpls.emitter_count) = (4000, 2000);
     with_gpu(|mut gpu| {
@@ -403,16 +400,11 @@ fn real_scenes_look_as_on_the_processor() {
 
 #[test]
 fn a_million_lights_fit_into_six_hundred_mebibytes() {
-    let Some(folder) = std::env::var_os("MANYLIGHT_SCENES") else {
-        eprintln!(
-            "skipped: memory of a real scene on a graphics device; MANYLIGHT_SCENES is not set"
-        );
-        return;
-    };
+    let Some(folder) = manylight_testing::scenes() else { return };
     if device().is_none() {
         return;
     }
-    let path = Path::new(&folder).join("shots/sponza-atrium.json");
+    let path = folder.join("shots/sponza-atrium.json");
     let shot = manylight_scene::load(path.to_str().expect("a name")).expect("a shot");
     // One that holds nothing else.
     let options = GpuOptions { base: true, software: true, ..GpuOptions::default() };

@@ -25,10 +25,8 @@ fn packed_normals_come_back() {
 /// Shots that every checkout has, and real ones where they are found.
 fn shots() -> Vec<manylight_scene::Shot> {
     let mut names = vec!["builtin:cornell".to_owned(), "builtin:atrium".to_owned()];
-    match std::env::var("MANYLIGHT_SCENES") {
-        Ok(folder) => names.push(format!("{folder}/shots/animated_stage-main.json")),
-        Err(_) => eprintln!("skipped: a textured scene; MANYLIGHT_SCENES is not set"),
-    }
+    let textured = manylight_testing::scenes().map(|f| f.join("shots/animated_stage-main.json"));
+    names.extend(textured.map(|path| path.display().to_string()));
     names.iter().map(|name| manylight_scene::load(name).expect("shot")).collect()
 }
 

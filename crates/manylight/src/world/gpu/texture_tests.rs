@@ -206,13 +206,10 @@ fn what_does_not_fit_is_named() {
 
 /// Real scenes where they are found.
 fn real_scenes() -> Vec<Scene> {
-    let Ok(folder) = std::env::var("MANYLIGHT_SCENES") else {
-        eprintln!("skipped: bytes of real scenes; MANYLIGHT_SCENES is not set");
-        return Vec::new();
-    };
+    let Some(folder) = manylight_testing::scenes() else { return Vec::new() };
     let names = ["animated_stage", "classroom", "country_kitchen", "sponza", "white_room"];
-    let load = |name| manylight_scene::load(&format!("{folder}/{name}.glb")).expect("scene").scene;
-    names.map(load).into()
+    let paths = names.map(|name| folder.join(name).with_extension("glb").display().to_string());
+    paths.map(|path| manylight_scene::load(&path).expect("scene").scene).into()
 }
 
 #[test]

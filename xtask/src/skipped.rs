@@ -1,0 +1,92 @@
+//! Tests that said they were skipped, and why. They pass, so nobody would read it otherwise.
+
+use std::collections::BTreeMap;
+use std::io::{BufRead, BufReader};
+use std::process::{Command, Stdio};
+
+use manylight_testing::SKIPPED;
+
+/// Begins what the tests that passed have printed.
+const SUCCESSES: &str = "successes:";
+/// Begins the last line of a test program.
+const RESULT: &str = "test result:";
+
+/// Names of tests by the reason they were skipped for.
+#[derive(Debug, Default)]
+pub(crate) struct Skipped(BTreeMap<String, Vec<String>>);
+
+impl Skipped {
+    /// Adds a test.
+    pub(crate) fn add(&mut self, reason: &str, test: &str) {
+        self.0.entry(reason.to_owned()).or_default().push(test.to_owned());
+    }
+
+    /// Runs tests that show what they print; whether all passed. What those printed that passed is
+    /// read and not printed again.
+    pub(crate) fn run(&mut self, mut command: Command) -> bool {
+        let mut child = match command.stdout(Stdio::piped()).spawn() {
+            Ok(child) => child,
+            Err(problem) => {
+                eprintln!("cannot start cargo: {problem}");
+                return false;
+            }
+        };
+        let printed = child.stdout.take().expect("asked for above");
+        let lines = BufReader::new(printed).split(b'\n').map_while(Result::ok);
+        self.read(lines.map(|line| String::from_utf8_lossy(&line).into_owned()), |line| {
+            println!("{line}");
+        });
+        child.wait().is_ok_and(|status| status.success())
+    }
+
+    fn read(&mut self, lines: impl Iterator<Item = String>, mut pass_on: impl FnMut(&str)) {
+        let (mut is_success, mut test) = (false, String::new());
+        for line in lines {
+            if line == SUCCESSES {
+                is_success = true;
+            } else if line.starts_with(RESULT) || line == "failures:" {
+                is_success = false;
+            }
+            if !is_success {
+                pass_on(&line);
+            } else if let Some(name) = heading(&line) {
+                test = name.to_owned();
+            } else if let Some(reason) = line.strip_prefix(SKIPPED) {
+                self.add(reason, &test);
+            }
+        }
+    }
+
+    /// Prints the tests, reason by reason.
+    pub(crate) fn print(&self) {
+        for (reason, tests) in &self.0 {
+            println!("ci: skipped, {reason}: {}", tests.join(" "));
+        }
+    }
+}
+
+/// The name of the test whose words follow.
+fn heading(line: &str) -> Option<&str> {
+    line.strip_prefix("---- ")?.strip_suffix(" stdout ----")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_tests_say_they_skip_is_found() {
+        let printed = "running 3 tests\ntest a ... ok\ntest b::c ... ok\ntest d ... FAILED\n\n\
+                       successes:\n\n---- a stdout ----\nFLIP .1\n\n---- b::c stdout ----\n\
+                       skipped: no scenes\n\n\nsuccesses:\n    a\n    b::c\n\nfailures:\n\n\
+                       ---- d stdout ----\nskipped: not this\n\ntest result: FAILED. 2 passed\n";
+        let (mut skipped, mut rest) = (Skipped::default(), String::new());
+        skipped.read(printed.lines().map(str::to_owned), |line| rest += line);
+        assert_eq!(
+            skipped.0.into_iter().collect::<Vec<_>>(),
+            [("no scenes".into(), vec!["b::c".into()])]
+        );
+        assert!(rest.contains("not this") && rest.contains("2 passed"), "{rest}");
+        assert!(!rest.contains("FLIP") && !rest.contains("no scenes"), "{rest}");
+    }
+}
