@@ -1,12 +1,12 @@
 //! Everything that a frame works on, kept from frame to frame.
 
 use super::GpuRenderer;
-use super::lights::{Lights, Needs, SetRoom};
+use super::lights::{Built, Lights, Needs, SetRoom};
 use crate::composite::gpu::GpuLayers;
 use crate::error::Error;
 use crate::filter::gpu::{Filter, Guides};
 use crate::filter::interleave::gpu::Join;
-use crate::gather::grid::gpu::{Gather, GatherCapacity};
+use crate::gather::grid::gpu::{Gather, GatherCapacity, band_evals};
 use crate::gpu::{Buf, Gpu, Later, Memory, Pool, Recorder};
 use crate::settings::{GridSettings, Method, Settings, ShadowSettings, VplSettings};
 use crate::surface::gpu::GpuReceivers;
@@ -22,6 +22,7 @@ struct Shape {
     vpls: [u32; 3],
     shadow: ShadowSettings,
     interleave: u32,
+    band_evals: u32,
     has_sky: bool,
     has_emitters: bool,
 }
@@ -37,7 +38,14 @@ impl Shape {
             vpls: [settings.vpls.count, settings.vpls.bounces, settings.vpls.emitter_count],
             shadow: settings.shadow.clone(),
             interleave: settings.interleave,
+            band_evals: band_evals(&settings.grid),
         }
+    }
+
+    /// Whether grids made for one serve the other.
+    fn shares_grids(&self, other: &Self) -> bool {
+        let of = |s: &Self| (s.method, s.vpls, s.has_sky, s.has_emitters);
+        of(self) == of(other)
     }
 
     /// Whether pixels see parts of the lights.
@@ -68,6 +76,9 @@ pub(super) struct GatherRef<'a> {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Room {
     gather: GatherCapacity,
+    /// What is asked for where gathers change: never what was made of it for one of them, which
+    /// would grow from change to change.
+    learned: GatherCapacity,
     emitted: SetRoom,
     bounced: SetRoom,
 }
@@ -75,10 +86,10 @@ struct Room {
 impl Room {
     /// What of it was learned still holds for another shape.
     fn refitted(mut self, old: &Shape, shape: &Shape) -> Self {
-        if old.shadow != shape.shadow || old.interleave != shape.interleave {
-            let GatherCapacity { block_chunks, frontier, .. } = self.gather;
-            self.gather = GatherCapacity { block_chunks, frontier, ..GatherCapacity::default() };
+        if old.size != shape.size {
+            self.learned = GatherCapacity::default();
         }
+        self.gather = self.learned;
         if old.vpls[2] != shape.vpls[2] {
             self.emitted = SetRoom::default();
         }
@@ -94,8 +105,8 @@ impl Room {
 /// reads it is done.
 #[derive(Debug)]
 pub(super) struct Work {
-    /// Of the sets of lights, for when all of it is made anew.
-    sets: [SetRoom; 2],
+    /// For when all of it is made anew.
+    room: Room,
     /// Lights on emissive surfaces, where there are any.
     pub emitted: Option<Lights>,
     /// Lights on what light paths hit, unless direct light is all that is asked for.
@@ -113,17 +124,26 @@ pub(super) struct Work {
 }
 
 impl Work {
-    fn new(gpu: &Gpu, shape: &Shape, settings: &Settings, room: Room) -> Result<Self, Error> {
+    /// `built`: grids that stay, those on emissive surfaces first.
+    fn new(
+        gpu: &Gpu,
+        shape: &Shape,
+        settings: &Settings,
+        room: Room,
+        built: [Option<Built>; 2],
+    ) -> Result<Self, Error> {
         let size @ [width, height] = shape.size;
         let pool = Pool::new(gpu);
         // The largest lists come first.
         let gather = Gather::new(&pool.phase(), width, height, settings, room.gather)?;
-        let lights = |on_emitters, room: &SetRoom| {
-            Lights::new(gpu, &pool, on_emitters, size, settings, room)
+        let lights = |on_emitters, room: &SetRoom, built| {
+            Lights::new(gpu, &pool, on_emitters, size, settings, (room, built))
         };
+        let [on_emitters, on_paths] = built;
         let has_bounced = shape.method != Method::Direct;
-        let bounced = has_bounced.then(|| lights(false, &room.bounced)).transpose()?;
-        let emitted = shape.has_emitters.then(|| lights(true, &room.emitted)).transpose()?;
+        let bounced = has_bounced.then(|| lights(false, &room.bounced, on_paths)).transpose()?;
+        let emitted =
+            shape.has_emitters.then(|| lights(true, &room.emitted, on_emitters)).transpose()?;
 
         let ending = pool.phase();
         let has_signals = [shape.has_sky, shape.has_emitters, has_bounced];
@@ -140,7 +160,7 @@ impl Work {
         };
         let join = shape.is_interleaved().then(|| Join::new(&ending, width, height));
         Ok(Self {
-            sets: [room.emitted, room.bounced],
+            room: Room { gather: *gather.capacity(), ..room },
             emitted,
             bounced,
             gather,
@@ -153,9 +173,9 @@ impl Work {
         })
     }
 
-    fn room(&self) -> Room {
-        let [emitted, bounced] = self.sets;
-        Room { gather: *self.gather.capacity(), emitted, bounced }
+    /// The grids; all else is let go.
+    fn into_built(self) -> [Option<Built>; 2] {
+        [self.emitted, self.bounced].map(|lights| lights.and_then(Lights::into_built))
     }
 
     fn lights(&self) -> impl Iterator<Item = &Lights> {
@@ -227,6 +247,7 @@ impl Builds {
 #[derive(Debug)]
 pub(super) struct Origin {
     generation: Arc<()>,
+    grids: Arc<()>,
     lit: Arc<()>,
 }
 
@@ -236,6 +257,8 @@ pub(super) struct Buffers {
     shape: Shape,
     /// Another one whenever a list is another one.
     generation: Arc<()>,
+    /// Another one whenever the lists of the grids are others.
+    grids: Arc<()>,
     /// Another one whenever the lights of the scene are others.
     lit: Arc<()>,
     builds: Builds,
@@ -256,20 +279,30 @@ impl Buffers {
         let (gpu, emitters) = (renderer.gpu(), &renderer.renderer().emitters);
         let (has_sky, has_emitters) = (emitters.sky.is_some(), !emitters.surface.is_empty());
         let shape = Shape::new(size, settings, has_sky, has_emitters);
-        let kept = match kept {
+        let new = || GpuReceivers::new(gpu, size[0], size[1]);
+        let (generation, lit) = Default::default();
+        // What goes must not stand beside what comes.
+        let (receivers, room, built, grids, builds) = match kept {
             Some(kept) if kept.shape == shape => return Ok(kept),
-            kept => kept.filter(|kept| kept.shape.size == size),
-        };
-        let (receivers, room) = match kept {
-            None => (GpuReceivers::new(gpu, size[0], size[1])?, Room::default()),
-            // What goes must not stand beside what comes.
-            Some(Self { shape: old, receivers, work, .. }) => {
-                (receivers, work.room().refitted(&old, &shape))
+            None => {
+                (new()?, Room::default(), Default::default(), Arc::default(), Builds::default())
+            }
+            Some(Self { shape: old, receivers, work, builds, grids, .. }) => {
+                let room = work.room.refitted(&old, &shape);
+                let stay = builds.is_done && shape.shares_grids(&old);
+                let (built, grids, builds) = match stay {
+                    true => (work.into_built(), grids, builds),
+                    false => {
+                        drop(work);
+                        Default::default()
+                    }
+                };
+                let receivers = Some(receivers).filter(|_| old.size == size);
+                (receivers.map_or_else(new, Ok)?, room, built, grids, builds)
             }
         };
-        let work = Work::new(gpu, &shape, settings, room)?;
-        let (generation, lit) = Default::default();
-        Ok(Self { shape, generation, lit, builds: Builds::default(), receivers, work })
+        let work = Work::new(gpu, &shape, settings, room, built)?;
+        Ok(Self { shape, generation, grids, lit, builds, receivers, work })
     }
 
     /// Whether they are those of frames of a size with some settings.
@@ -281,8 +314,8 @@ impl Buffers {
     /// Forgets how many levels the grids of other lights should have had at most, and grids that
     /// were held to that.
     pub fn forget_levels(&mut self) {
-        let Work { emitted, bounced, sets, .. } = &mut self.work;
-        sets.iter_mut().for_each(SetRoom::forget_levels);
+        let Work { emitted, bounced, room, .. } = &mut self.work;
+        [&mut room.emitted, &mut room.bounced].into_iter().for_each(SetRoom::forget_levels);
         let capped = emitted.iter_mut().chain(bounced).map(Lights::forget_levels);
         if capped.filter(|was_capped| *was_capped).count() > 0 {
             self.builds.forget();
@@ -309,8 +342,13 @@ impl Buffers {
 
     /// What a frame that is recorded now is recorded with.
     pub fn origin(&self) -> Origin {
-        let Self { generation, lit, .. } = self;
-        Origin { generation: generation.clone(), lit: lit.clone() }
+        let Self { generation, grids, lit, .. } = self;
+        Origin { generation: generation.clone(), grids: grids.clone(), lit: lit.clone() }
+    }
+
+    /// Whether the lists of the grids are what they were.
+    pub fn have_grids_of(&self, origin: &Origin) -> bool {
+        Arc::ptr_eq(&self.grids, &origin.grids)
     }
 
     /// Whether every list is what it was.
@@ -386,25 +424,27 @@ impl Buffers {
         settings: &Settings,
         needs: &[Needs],
     ) -> Result<(Self, bool), Error> {
-        let mut room = self.work.room();
+        let mut room = self.work.room;
         let Work { emitted, bounced, .. } = &mut self.work;
         let sets = [(emitted, &mut room.emitted), (bounced, &mut room.bounced)];
         let sets = sets.into_iter().filter_map(|(lights, room)| Some((lights.as_mut()?, room)));
         let mut lacked = false;
         for ((lights, set_room), needs) in sets.zip(needs) {
             lacked |= lights.learn(gpu, settings, needs, set_room);
-            room.gather = room.gather.grown(&needs.gather).unwrap_or(room.gather);
+            if let Some(grown) = room.gather.grown(&needs.gather) {
+                room.learned = room.learned.with_growth(&room.gather, &grown);
+                (room.gather, lacked) = (grown, true);
+            }
         }
-        lacked |= room.gather != *self.work.gather.capacity();
         if !lacked {
             return Ok((self, false));
         }
         let Self { shape, lit, receivers, work, .. } = self;
         // What grows must not stand beside what it was.
         drop(work);
-        let work = Work::new(gpu, &shape, settings, room)?;
-        let generation = Arc::default();
-        Ok((Self { shape, generation, lit, builds: Builds::default(), receivers, work }, true))
+        let work = Work::new(gpu, &shape, settings, room, Default::default())?;
+        let (generation, grids, builds) = Default::default();
+        Ok((Self { shape, generation, grids, lit, builds, receivers, work }, true))
     }
 }
 
@@ -426,6 +466,7 @@ impl Buffers {
         };
         let [width, height] = self.shape.size;
         self.work.gather = Gather::new(gpu, width, height, settings, tiny).expect("gather");
+        self.work.room.gather = *self.work.gather.capacity();
     }
 }
 

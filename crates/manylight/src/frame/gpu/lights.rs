@@ -7,7 +7,7 @@ use crate::gather::grid::gpu::{
     GatherInput, GatherOut, GatherStats, GpuGrid, GridBuild, GridCapacity, GridInfo, GridRules,
     Reach, fine_levels,
 };
-use crate::gpu::{Gpu, Memory, Pool, Recorder, take_record};
+use crate::gpu::{Buf, Gpu, Memory, Pool, Recorder, take_record};
 use crate::settings::{GridSettings, MAX_LEVELS, Method, Settings};
 use crate::vlight::vpl::gpu::{EmitterTracer, GpuVpls, VplInfo, VplTracer};
 
@@ -30,6 +30,16 @@ pub(super) struct Gathered {
     level_cap: u32,
     /// Of the last grid that was looked at.
     fine: Option<FineLevels>,
+}
+
+/// What of a set stays where all that depends on the picture is made anew.
+#[derive(Debug)]
+pub(super) struct Built {
+    info: Buf<VplInfo>,
+    grid: GpuGrid,
+    fine: Option<FineLevels>,
+    /// Rounds that light paths have taken at most.
+    most_rounds: u32,
 }
 
 /// How many levels of a grid were fine, see [`GridRules::fine_levels`], and what a grid must share
@@ -83,7 +93,7 @@ pub(super) struct Lights {
 
 impl Lights {
     /// Memory for a set on emissive surfaces or from light paths; `pool` for what is needed only
-    /// until there is a grid.
+    /// until there is a grid. A grid that was built stays what it is.
     ///
     /// Errors: more than the device can hold
     pub fn new(
@@ -92,18 +102,25 @@ impl Lights {
         on_emitters: bool,
         size: [usize; 2],
         settings: &Settings,
-        room: &SetRoom,
+        (room, built): (&SetRoom, Option<Built>),
     ) -> Result<Self, Error> {
         let (count, bounces) = match on_emitters {
             true => (settings.vpls.emitter_count, 1),
             false => (settings.vpls.count, settings.vpls.bounces),
         };
         let making = pool.phase();
+        let most_rounds =
+            built.as_ref().map(|built| built.most_rounds).filter(|&rounds| rounds > 0);
         let (vpls, gathered) = match settings.method {
             Method::Brute => (GpuVpls::new(gpu, count, bounces)?, None),
             _ => {
-                let vpls = GpuVpls::new(&making, count, bounces)?;
-                let gathered = Gathered::new(gpu, &making.clone(), vpls.lights.len(), size, room)?;
+                let mut vpls = GpuVpls::new(&making, count, bounces)?;
+                let grid = built.map(|Built { info, grid, fine, .. }| {
+                    vpls.info = info;
+                    (grid, fine)
+                });
+                let most = vpls.lights.len();
+                let gathered = Gathered::new(gpu, &making.clone(), most, size, room, grid)?;
                 (vpls, Some(gathered))
             }
         };
@@ -112,11 +129,22 @@ impl Lights {
             false => {
                 let mut tracer = VplTracer::new(&making, count, bounces)?;
                 room.rounds.into_iter().for_each(|rounds| tracer.raise_rounds(rounds));
+                most_rounds.into_iter().for_each(|rounds| tracer.learn_rounds(rounds));
                 Tracer::Paths(Box::new(tracer))
             }
         };
         let (info, reach) = (VplInfo::default(), Reach::default());
         Ok(Self { tracer, vpls, gathered, info, grid_lights: 0, reach })
+    }
+
+    /// Its grid and what tells of it, where there is a grid; all else is let go.
+    pub fn into_built(self) -> Option<Built> {
+        let Gathered { grid, fine, .. } = self.gathered?;
+        let most_rounds = match self.tracer {
+            Tracer::Emitters(_) => 0,
+            Tracer::Paths(tracer) => tracer.most_taken(),
+        };
+        Some(Built { info: self.vpls.info, grid, fine, most_rounds })
     }
 
     /// Makes the set.
@@ -213,7 +241,7 @@ impl Lights {
                     tracer.raise_rounds(tracer.rounds().saturating_mul(2));
                     room.rounds = Some(tracer.rounds());
                 }
-                false => tracer.learn_rounds(&self.info),
+                false => tracer.learn_rounds(self.info.rounds),
             }
         }
         let Some(gathered) = &mut self.gathered else { return lacked };
@@ -255,14 +283,19 @@ impl Gathered {
         vpls: usize,
         [width, height]: [usize; 2],
         room: &SetRoom,
+        built: Option<(GpuGrid, Option<FineLevels>)>,
     ) -> Result<Self, Error> {
         let capacity = room.grid.unwrap_or_else(|| GridCapacity::for_vpls(gpu, vpls));
+        let (grid, fine) = match built {
+            Some(built) => built,
+            None => (GpuGrid::new(gpu, &capacity)?, None),
+        };
         Ok(Self {
             build: GridBuild::new(building, capacity)?,
-            grid: GpuGrid::new(gpu, &capacity)?,
+            grid,
             out: GatherOut::new(gpu, width, height)?,
             level_cap: room.level_cap.unwrap_or(MAX_LEVELS),
-            fine: None,
+            fine,
         })
     }
 

@@ -53,9 +53,9 @@ impl InFlight {
         self.frames.is_empty()
     }
 
-    /// Whether a frame may need what lies in some buffers.
+    /// Whether a frame may need the lights that lie in some buffers.
     pub fn counts_on(&self, buffers: &Buffers) -> bool {
-        self.frames.iter().any(|frame| buffers.are_of(&frame.origin))
+        self.frames.iter().any(|frame| buffers.have_grids_of(&frame.origin))
     }
 }
 

@@ -7,6 +7,8 @@ use manylight_scene::Scene;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use wgpu::TextureUsages;
 
+mod kept;
+
 /// Rows of 32 half texels are as long as a copy asks for.
 const SIZE: [usize; 2] = [32, 20];
 const USAGE: TextureUsages = TextureUsages::STORAGE_BINDING.union(TextureUsages::COPY_SRC);
@@ -272,124 +274,6 @@ fn lights_that_change_every_frame_and_that_few_paths_find_are_complete_at_last()
 }
 
 #[test]
-fn lights_are_made_again_only_where_they_would_be_others() {
-    let Some(mut rented) = Rented::new(only_a_lamp) else { return };
-    let camera = rented.camera.clone();
-    let other = Camera { position: camera.position + Vec3::X * 0.2, ..camera.clone() };
-    let settings = settings();
-    // Pictures of other seeds before them leave nothing to keep.
-    let mut alone = |camera: &Camera, seed| {
-        rented.render(&settings, 99);
-        rented.render_from(camera, &settings, seed).layers.beauty()
-    };
-    let expected = [alone(&camera, 7), alone(&other, 7), alone(&camera, 8)];
-    let view = rented.target();
-    let frame = |rented: &mut Rented, camera: &Camera, seed, is_submitted| {
-        let before = rented.renderer().gpu().dispatches();
-        let mut encoder = rented.encoder();
-        rented.record(&mut encoder, camera, seed, &composite(&view));
-        let dispatches = rented.renderer().gpu().dispatches() - before;
-        if is_submitted {
-            assert!(!rented.submit(encoder), "the buffers had their size");
-        }
-        dispatches
-    };
-    let picture = |rented: &mut Rented| read(rented.renderer().gpu(), &view);
-    rented.render(&settings, 99);
-    let made = frame(&mut rented, &camera, 7, true);
-    assert_same(&picture(&mut rented), &expected[0], "made");
-    // The camera alone has moved.
-    let kept = frame(&mut rented, &other, 7, true);
-    assert!(kept + 40 < made, "{made} dispatches, then {kept}");
-    assert_same(&picture(&mut rented), &expected[1], "kept");
-    // Lights that are never made take the place of those that were.
-    assert!(frame(&mut rented, &camera, 8, false) > kept + 40);
-    assert!(frame(&mut rented, &camera, 8, true) > kept + 40);
-    assert_same(&picture(&mut rented), &expected[2], "made after one that was not");
-    // Nor are they kept while nobody knows whether they are done.
-    assert!(frame(&mut rented, &camera, 7, false) > kept + 40);
-    assert!(frame(&mut rented, &other, 7, true) > kept + 40);
-    assert_same(&picture(&mut rented), &expected[1], "made once more");
-    // Frames are under way all the time, and one of them is known to be done.
-    let mut encoders = [rented.encoder(), rented.encoder()];
-    for encoder in &mut encoders {
-        rented.record(encoder, &camera, 8, &composite(&view));
-    }
-    let [first, second] = encoders;
-    assert!(!rented.submit(first));
-    let mut third = rented.encoder();
-    let before = rented.renderer().gpu().dispatches();
-    rented.record(&mut third, &camera, 8, &composite(&view));
-    assert!(rented.renderer().gpu().dispatches() - before <= kept);
-    rented.renderer().gpu().queue().submit([second.finish()]);
-    assert!(!rented.submit(third));
-    assert_same(&picture(&mut rented), &expected[2], "kept while others are under way");
-    // A picture of other lights comes before a frame that counts on those that lie there.
-    let mut encoder = rented.encoder();
-    rented.record(&mut encoder, &camera, 8, &composite(&view));
-    rented.render(&settings, 99);
-    rented.submit(encoder);
-    assert_same(&picture(&mut rented), &expected[2], "with a picture in between");
-    frame(&mut rented, &camera, 8, true);
-    assert_same(&picture(&mut rented), &expected[2], "after it");
-    let before = picture(&mut rented);
-    rented.renderer().set_lights(vec![sun()], None).expect("lights");
-    assert!(frame(&mut rented, &camera, 8, true) > kept + 40);
-    assert!(picture(&mut rented) != before);
-}
-
-#[test]
-fn fine_levels_are_those_of_the_same_settings() {
-    let Some(mut rented) = Rented::new(only_a_lamp) else { return };
-    let camera = rented.camera.clone();
-    let mut dispatches = |grid_levels| {
-        let mut settings = settings();
-        settings.grid.levels = grid_levels;
-        let renderer = rented.renderer();
-        let before = renderer.gpu().dispatches();
-        renderer.time_frame(&camera, SIZE, &settings, false).expect("frame");
-        renderer.gpu().dispatches() - before
-    };
-    // Buffers grow with the first of each.
-    dispatches(None);
-    dispatches(Some(2));
-    let first = [dispatches(None), dispatches(Some(2)), dispatches(None)];
-    let second = dispatches(None);
-    assert!(first.iter().all(|n| *n > second + 10), "{first:?}, then {second}");
-}
-
-#[test]
-fn later_frames_need_fewer_dispatches_until_the_lights_change() {
-    let Some(mut rented) = Rented::new(only_a_lamp) else { return };
-    let (camera, view) = (rented.camera.clone(), rented.target());
-    // Each frame makes lights of its own.
-    let frame = |rented: &mut Rented, seed| {
-        let before = rented.renderer().gpu().dispatches();
-        let mut encoder = rented.encoder();
-        rented.record(&mut encoder, &camera, seed, &composite(&view));
-        let dispatches = rented.renderer().gpu().dispatches() - before;
-        assert!(!rented.submit(encoder), "the buffers had their size");
-        (dispatches, read(rented.renderer().gpu(), &view))
-    };
-    // Buffers grow, and what was learned on the way is forgotten.
-    rented.render(&settings(), 1);
-    rented.renderer().set_lights(vec![lamp()], None).expect("lights");
-    let (first, picture) = frame(&mut rented, 1);
-    let (second, other) = frame(&mut rented, 2);
-    assert!(second + 20 < first, "{first} dispatches, then {second}");
-    let (again, same) = frame(&mut rented, 1);
-    assert!(again == second && same == picture && other != picture);
-    // What a frame tells of lights that are gone since is not learned.
-    let mut encoder = rented.encoder();
-    rented.record(&mut encoder, &camera, 3, &composite(&view));
-    rented.renderer().set_lights(vec![sun()], None).expect("lights");
-    rented.submit(encoder);
-    let (other, _) = frame(&mut rented, 4);
-    let (last, _) = frame(&mut rented, 5);
-    assert!(other == first && last < other, "{first}, {other}, then {last}");
-}
-
-#[test]
 fn darkness_is_refused_and_the_lights_stay() {
     let Some(mut rented) = Rented::new(only_a_lamp) else { return };
     let before = rented.render(&settings(), 1).layers.beauty();
@@ -398,21 +282,6 @@ fn darkness_is_refused_and_the_lights_stay() {
         assert!(refused.to_string().contains("nothing in it shines"), "{refused}");
     }
     assert!(rented.render(&settings(), 1).layers.beauty() == before);
-}
-
-#[test]
-fn other_settings_keep_what_does_not_depend_on_them() {
-    let Some(mut rented) = Rented::new(only_a_lamp) else { return };
-    let first = settings();
-    let before = rented.render(&first, 3).layers.beauty();
-    let mut changed = settings();
-    changed.shadow.rays = 5;
-    changed.vpls.count = 700;
-    rented.render(&changed, 3);
-    changed.method = Method::Direct;
-    changed.film.samples = 2;
-    rented.render(&changed, 3);
-    assert!(rented.render(&first, 3).layers.beauty() == before);
 }
 
 #[test]
@@ -574,4 +443,20 @@ fn a_lost_device_is_a_sentence() {
     let targets = composite(&view);
     let recorded = renderer.record_into(&mut encoder, &shot.camera, &settings, 0, traced, &targets);
     assert!(recorded.expect_err("lost").to_string().contains("the device was lost"));
+}
+
+#[test]
+fn the_largest_pictures_with_the_most_rays_are_recorded() {
+    let Some(mut rented) = Rented::new(|_| ()) else { return };
+    let camera = rented.camera.clone();
+    let renderer = rented.renderer();
+    let target = texture(renderer.gpu(), [3840, 2160], USAGE);
+    let mut settings = settings();
+    settings.shadow.rays = 256;
+    let before = renderer.gpu().dispatches();
+    let mut encoder = renderer.gpu().device().create_command_encoder(&Default::default());
+    let (traced, targets) = (EngineReceivers::Traced, composite(&target));
+    renderer.record_into(&mut encoder, &camera, &settings, 0, traced, &targets).expect("frame");
+    let dispatches = renderer.gpu().dispatches() - before;
+    assert!(dispatches > 4096, "{dispatches} dispatches: one page of uniforms would do");
 }

@@ -5,7 +5,7 @@ use crate::gather::grid::TILE;
 use crate::gather::grid::reach::ASKED;
 use crate::gpu::scan::SCAN_BLOCK;
 use crate::gpu::{Gpu, MAX_GROUPS};
-use crate::settings::Settings;
+use crate::settings::{GridSettings, Settings};
 
 /// Lights of a pixel up to which bands are as large as there is room: 35 G operations each.
 const BAND_EVALS: u32 = 480;
@@ -41,6 +41,11 @@ impl Default for GatherCapacity {
             slice_rays: 4,
         }
     }
+}
+
+/// Lights of a pixel that bands are made for.
+pub fn band_evals(settings: &GridSettings) -> u32 {
+    settings.alpha.map_or(settings.evals, |_| BAND_EVALS).max(BAND_EVALS)
 }
 
 /// Blocks of a picture, across and down; those that interleaved sampling of some side spreads over
@@ -80,9 +85,8 @@ impl GatherCapacity {
         let blocks = u64::from(blocks).min(most_blocks).max(1) as u32;
         let chunks = self.block_chunks.saturating_mul(blocks);
         // The lights of a band are one dispatch, which must not take long.
-        let evals = settings.grid.alpha.map_or(settings.grid.evals, |_| BAND_EVALS);
         let most_evals = u64::from(blocks) * u64::from(BAND_EVALS);
-        let blocks = (most_evals / u64::from(evals.max(BAND_EVALS))).max(1) as u32;
+        let blocks = (most_evals / u64::from(band_evals(&settings.grid))).max(1) as u32;
         // Bands of one size, with the room of larger ones: a last small one would leave a large
         // device idle.
         self.band_blocks = all.div_ceil(all.div_ceil(blocks));
@@ -120,5 +124,16 @@ impl GatherCapacity {
             grown.block_chunks = per_block.saturating_add(per_block / 4 + 1);
         }
         (grown != *self).then_some(grown)
+    }
+
+    /// This with what another one of them grew by.
+    pub fn with_growth(mut self, before: &Self, grown: &Self) -> Self {
+        if grown.frontier != before.frontier {
+            self.frontier = self.frontier.max(grown.frontier);
+        }
+        if grown.block_chunks != before.block_chunks {
+            self.block_chunks = self.block_chunks.max(grown.block_chunks);
+        }
+        self
     }
 }

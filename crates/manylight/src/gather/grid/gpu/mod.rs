@@ -9,7 +9,7 @@ pub mod record;
 mod upload;
 
 pub use build::{GridBuild, GridRules, fine_levels};
-pub use capacity::GatherCapacity;
+pub use capacity::{GatherCapacity, band_evals};
 pub use gather::{Gather, GatherInput, GatherOut};
 pub use params::{GatherStats, Reach};
 pub use record::{GpuGrid, GridCapacity, GridInfo};

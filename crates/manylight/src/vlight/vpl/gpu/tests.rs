@@ -107,7 +107,7 @@ fn a_set_is_the_same_whatever_the_batches_are() {
         assert!(found.1 == expected.1, "batches of {batch}");
         // The memory of one set serves the next, and it has no more rounds than it needs.
         let first_rounds = tracer.rounds();
-        tracer.learn_rounds(&found.0);
+        tracer.learn_rounds(found.0.rounds);
         assert!(tracer.rounds() == rounds + 1 && rounds + 1 < first_rounds);
         assert!(trace_with(gpu, &lit.scene, &tracer, count, bounces) == found);
         tracer.forget_rounds();
@@ -154,9 +154,8 @@ fn rounds_are_those_of_the_longest_set_and_a_lack_is_not_unlearned() {
     let Some(gpu) = device() else { return };
     let mut tracer = VplTracer::with_batch(gpu, 3000, 3, 200).expect("tracer");
     let first = tracer.rounds();
-    let took = |rounds| VplInfo { rounds, ..VplInfo::default() };
     let mut learned = |rounds| {
-        tracer.learn_rounds(&took(rounds));
+        tracer.learn_rounds(rounds);
         tracer.rounds()
     };
     assert!(first > 40, "{first}");
@@ -164,11 +163,11 @@ fn rounds_are_those_of_the_longest_set_and_a_lack_is_not_unlearned() {
     tracer.forget_rounds();
     assert_eq!(tracer.rounds(), first);
     // More than before any set, however few were lacking.
-    tracer.learn_rounds(&took(3));
+    tracer.learn_rounds(3);
     tracer.raise_rounds(2 * tracer.rounds());
     assert_eq!(tracer.rounds(), first);
     tracer.raise_rounds(2 * tracer.rounds());
-    tracer.learn_rounds(&took(3));
+    tracer.learn_rounds(3);
     assert_eq!(tracer.rounds(), 2 * first);
     tracer.forget_rounds();
     assert_eq!(tracer.rounds(), 2 * first);

@@ -171,10 +171,15 @@ impl VplTracer {
         self.rounds
     }
 
-    /// As many rounds as the longest of all sets took, and some for what the next misses by chance;
-    /// no fewer than at first if rounds were once too few.
-    pub fn learn_rounds(&mut self, info: &VplInfo) {
-        self.most_taken = self.most_taken.max(info.rounds);
+    /// Rounds that the longest of all sets took, as far as [`VplTracer::learn_rounds`] was told.
+    pub fn most_taken(&self) -> u32 {
+        self.most_taken
+    }
+
+    /// A set took some rounds: as many as the longest of all sets took from now on, and some for
+    /// what the next misses by chance; no fewer than at first if rounds were once too few.
+    pub fn learn_rounds(&mut self, taken: u32) {
+        self.most_taken = self.most_taken.max(taken);
         if !self.has_lacked {
             self.set_rounds((self.most_taken + self.most_taken / 8).saturating_add(1));
         }

@@ -1,0 +1,189 @@
+//! What frames keep of those before.
+
+use super::*;
+
+#[test]
+fn later_frames_need_fewer_dispatches_until_the_lights_change() {
+    let Some(mut rented) = Rented::new(only_a_lamp) else { return };
+    let (camera, view) = (rented.camera.clone(), rented.target());
+    // Each frame makes lights of its own.
+    let frame = |rented: &mut Rented, seed| {
+        let before = rented.renderer().gpu().dispatches();
+        let mut encoder = rented.encoder();
+        rented.record(&mut encoder, &camera, seed, &composite(&view));
+        let dispatches = rented.renderer().gpu().dispatches() - before;
+        assert!(!rented.submit(encoder), "the buffers had their size");
+        (dispatches, read(rented.renderer().gpu(), &view))
+    };
+    // Buffers grow, and what was learned on the way is forgotten.
+    rented.render(&settings(), 1);
+    rented.renderer().set_lights(vec![lamp()], None).expect("lights");
+    let (first, picture) = frame(&mut rented, 1);
+    let (second, other) = frame(&mut rented, 2);
+    assert!(second + 20 < first, "{first} dispatches, then {second}");
+    let (again, same) = frame(&mut rented, 1);
+    assert!(again == second && same == picture && other != picture);
+    // What a frame tells of lights that are gone since is not learned.
+    let mut encoder = rented.encoder();
+    rented.record(&mut encoder, &camera, 3, &composite(&view));
+    rented.renderer().set_lights(vec![sun()], None).expect("lights");
+    rented.submit(encoder);
+    let (other, _) = frame(&mut rented, 4);
+    let (last, _) = frame(&mut rented, 5);
+    assert!(other == first && last < other, "{first}, {other}, then {last}");
+}
+
+#[test]
+fn lights_are_made_again_only_where_they_would_be_others() {
+    let Some(mut rented) = Rented::new(only_a_lamp) else { return };
+    let camera = rented.camera.clone();
+    let other = Camera { position: camera.position + Vec3::X * 0.2, ..camera.clone() };
+    let settings = settings();
+    // Pictures of other seeds before them leave nothing to keep.
+    let mut alone = |camera: &Camera, seed| {
+        rented.render(&settings, 99);
+        rented.render_from(camera, &settings, seed).layers.beauty()
+    };
+    let expected = [alone(&camera, 7), alone(&other, 7), alone(&camera, 8)];
+    let view = rented.target();
+    let frame = |rented: &mut Rented, camera: &Camera, seed, is_submitted| {
+        let before = rented.renderer().gpu().dispatches();
+        let mut encoder = rented.encoder();
+        rented.record(&mut encoder, camera, seed, &composite(&view));
+        let dispatches = rented.renderer().gpu().dispatches() - before;
+        if is_submitted {
+            assert!(!rented.submit(encoder), "the buffers had their size");
+        }
+        dispatches
+    };
+    let picture = |rented: &mut Rented| read(rented.renderer().gpu(), &view);
+    rented.render(&settings, 99);
+    let made = frame(&mut rented, &camera, 7, true);
+    assert_same(&picture(&mut rented), &expected[0], "made");
+    // The camera alone has moved.
+    let kept = frame(&mut rented, &other, 7, true);
+    assert!(kept + 40 < made, "{made} dispatches, then {kept}");
+    assert_same(&picture(&mut rented), &expected[1], "kept");
+    // Lights that are never made take the place of those that were.
+    assert!(frame(&mut rented, &camera, 8, false) > kept + 40);
+    assert!(frame(&mut rented, &camera, 8, true) > kept + 40);
+    assert_same(&picture(&mut rented), &expected[2], "made after one that was not");
+    // Nor are they kept while nobody knows whether they are done.
+    assert!(frame(&mut rented, &camera, 7, false) > kept + 40);
+    assert!(frame(&mut rented, &other, 7, true) > kept + 40);
+    assert_same(&picture(&mut rented), &expected[1], "made once more");
+    // Frames are under way all the time, and one of them is known to be done.
+    let mut encoders = [rented.encoder(), rented.encoder()];
+    for encoder in &mut encoders {
+        rented.record(encoder, &camera, 8, &composite(&view));
+    }
+    let [first, second] = encoders;
+    assert!(!rented.submit(first));
+    let mut third = rented.encoder();
+    let before = rented.renderer().gpu().dispatches();
+    rented.record(&mut third, &camera, 8, &composite(&view));
+    assert!(rented.renderer().gpu().dispatches() - before <= kept);
+    rented.renderer().gpu().queue().submit([second.finish()]);
+    assert!(!rented.submit(third));
+    assert_same(&picture(&mut rented), &expected[2], "kept while others are under way");
+    // A picture of other lights comes before a frame that counts on those that lie there.
+    let mut encoder = rented.encoder();
+    rented.record(&mut encoder, &camera, 8, &composite(&view));
+    rented.render(&settings, 99);
+    rented.submit(encoder);
+    assert_same(&picture(&mut rented), &expected[2], "with a picture in between");
+    // The same where that picture needs other buffers, but for the grids.
+    frame(&mut rented, &camera, 8, true);
+    let mut encoder = rented.encoder();
+    rented.record(&mut encoder, &camera, 8, &composite(&view));
+    let mut more_rays = settings.clone();
+    more_rays.shadow.rays += 1;
+    rented.renderer().render(&camera, SIZE, &more_rays, &|_, _| ()).expect("frame");
+    rented.renderer().gpu().queue().submit([encoder.finish()]);
+    rented.renderer().gpu().wait().expect("done");
+    assert_same(&picture(&mut rented), &expected[2], "with another picture in between");
+    rented.renderer().after_submit().expect("looked");
+    frame(&mut rented, &camera, 8, true);
+    frame(&mut rented, &camera, 8, true);
+    assert_same(&picture(&mut rented), &expected[2], "after it");
+    let before = picture(&mut rented);
+    rented.renderer().set_lights(vec![sun()], None).expect("lights");
+    assert!(frame(&mut rented, &camera, 8, true) > kept + 40);
+    assert!(picture(&mut rented) != before);
+}
+
+#[test]
+fn grids_stay_while_only_the_gather_and_the_picture_change() {
+    let Some(mut rented) = Rented::new(only_a_lamp) else { return };
+    let camera = rented.camera.clone();
+    let mut base = Settings { seed: 5, ..settings() };
+    // Else so few lights ask for fewer levels, which each picture finds out for itself.
+    base.grid.levels = Some(6);
+    type Change = fn(&mut Settings, &mut [usize; 2]);
+    let changes: [(&str, Change); 5] = [
+        ("rays", |settings, _| settings.shadow.rays = 5),
+        ("interleaving", |settings, _| settings.interleave = 2),
+        ("evaluations", |settings, _| (settings.grid.alpha, settings.grid.evals) = (None, 4000)),
+        ("the filter", |settings, _| settings.filter.enabled = false),
+        ("the size", |_, size| *size = [48, 36]),
+    ];
+    for (name, change) in changes {
+        let (mut changed, mut size) = (base.clone(), SIZE);
+        change(&mut changed, &mut size);
+        let mut render = |size, settings: &Settings| {
+            let before = rented.renderer().gpu().dispatches();
+            let frame = rented.renderer().render(&camera, size, settings, &|_, _| ());
+            let beauty = frame.expect("frame").layers.beauty();
+            let work = &rented.renderer().buffers.as_ref().expect("rendered").work;
+            let room = (*work.gather.capacity(), rented.renderer().gpu().bytes());
+            (beauty, rented.renderer().gpu().dispatches() - before, room)
+        };
+        let first_room = render(SIZE, &base).2;
+        let other_lights = Settings { seed: 6, ..changed.clone() };
+        render(size, &changed);
+        let (_, made, _) = render(size, &other_lights);
+        let (expected, _, room) = render(size, &changed);
+        render(SIZE, &base);
+        let (kept, dispatches, kept_room) = render(size, &changed);
+        let last_room = render(SIZE, &base).2;
+        assert!(dispatches + 40 < made, "{name}: {made} dispatches, then {dispatches}");
+        assert!(kept == expected, "{name}: another picture");
+        assert_eq!(kept_room, room, "{name}");
+        assert_eq!(last_room, first_room, "{name}: after it");
+    }
+}
+
+#[test]
+fn fine_levels_are_those_of_the_same_settings() {
+    let Some(mut rented) = Rented::new(only_a_lamp) else { return };
+    let camera = rented.camera.clone();
+    let mut dispatches = |grid_levels| {
+        let mut settings = settings();
+        settings.grid.levels = grid_levels;
+        let renderer = rented.renderer();
+        let before = renderer.gpu().dispatches();
+        renderer.time_frame(&camera, SIZE, &settings, false).expect("frame");
+        renderer.gpu().dispatches() - before
+    };
+    // Buffers grow with the first of each.
+    dispatches(None);
+    dispatches(Some(2));
+    let first = [dispatches(None), dispatches(Some(2)), dispatches(None)];
+    let second = dispatches(None);
+    assert!(first.iter().all(|n| *n > second + 10), "{first:?}, then {second}");
+}
+
+#[test]
+fn other_settings_keep_what_does_not_depend_on_them() {
+    let Some(mut rented) = Rented::new(only_a_lamp) else { return };
+    let first = settings();
+    let before = rented.render(&first, 3).layers.beauty();
+    let mut changed = settings();
+    changed.shadow.rays = 5;
+    changed.vpls.count = 700;
+    rented.render(&changed, 3);
+    changed.method = Method::Direct;
+    changed.film.samples = 2;
+    rented.render(&changed, 3);
+    assert!(rented.render(&first, 3).layers.beauty() == before);
+}
