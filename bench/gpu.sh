@@ -91,7 +91,7 @@ done
 # What a device offers beyond what every one has, without one at a time; `row1-720p` has all but
 # textures bound one by one. In turns, since a device that gets warm gets slow.
 for turn in 1 2; do
-  for set in all subgroups=false half=false ray_queries=false bindless=true base=true; do
+  for set in all subgroups=false half=false large_limits=false ray_queries=false bindless=true base=true; do
     [ "$set" = all ] && choice=() || choice=(--set "gpu.$set")
     frames=30 frames "features-${set/=/-}-$turn" sponza-atrium --size 1280x720 "${million[@]}" \
       ${choice[@]+"${choice[@]}"}

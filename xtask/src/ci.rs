@@ -66,6 +66,7 @@ const STEPS: [Step; 8] = [
             "--show-output",
             "ray_queries",
             "bindless",
+            "large_limits",
         ],
     },
     Step {

@@ -129,11 +129,10 @@ fn describe_adapter(adapter: &AdapterDescription) -> String {
     let features = Feature::ALL.map(|f| has(adapter.features.has(f), &f.name().replace('_', " ")));
     format!(
         "{name}: {kind}, {backend}, {driver}; {use_of_it}; lists of {} MiB, buffers of {} MiB, {} \
-         KiB of workgroup memory, {}, {}",
+         KiB of workgroup memory, {}",
         adapter.max_binding >> 20,
         adapter.max_buffer >> 20,
         adapter.workgroup_memory >> 10,
-        has(adapter.timestamps, "timestamps"),
         features.join(", "),
     )
 }
@@ -144,8 +143,7 @@ fn adapter_json((number, adapter): (usize, &AdapterDescription)) -> Value {
         "number": number, "name": adapter.name, "kind": adapter.kind, "backend": adapter.backend,
         "driver": adapter.driver, "max_binding": adapter.max_binding,
         "max_buffer": adapter.max_buffer, "workgroup_memory": adapter.workgroup_memory,
-        "timestamps": adapter.timestamps, "features": Value::from_iter(features),
-        "lacks": adapter.lacks,
+        "features": Value::from_iter(features), "lacks": adapter.lacks,
     })
 }
 

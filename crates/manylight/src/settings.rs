@@ -220,6 +220,11 @@ group! {
         subgroups: bool = true,
         /// Whether to use numbers of 16 bits, where the device has them.
         half: bool = true,
+        /// Whether the device's own clock times stages, where it has one.
+        timestamps: bool = true,
+        /// Whether lists and textures may be as large as the device allows, beyond what every one
+        /// does.
+        large_limits: bool = true,
         /// Whether the hardware follows rays, where it can.
         ray_queries: bool = true,
         /// Whether to bind each texture by itself, where the device can and has room for as many,

@@ -62,7 +62,9 @@ struct Sample<'a> {
 pub struct Frame {
     /// The picture and its parts.
     pub layers: Layers,
-    /// What each stage took and counted, in order.
+    /// What each stage took and counted, in order. On a graphics device those that ran, by its own
+    /// clock: not the making of lights and grids that were kept, and none without such a clock or
+    /// with `gpu.timestamps` off.
     pub stages: Vec<Stage>,
     /// The distance clamp that was used, metres.
     pub d_min: f32,

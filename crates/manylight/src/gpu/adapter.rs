@@ -16,7 +16,7 @@ pub struct GpuOptions {
     /// Part of the adapter's name, in any case, or `#2`: the second of [`describe_adapters`];
     /// `None`: the fastest.
     pub adapter: Option<String>,
-    /// Takes only what every device has: `wgpu::Limits::defaults()` and no timestamps. Devices that
+    /// Takes only what every device has: `wgpu::Limits::defaults()` and no features. Devices that
     /// are emulated are asked for one more list of a kernel, by which loops are watched.
     pub base: bool,
     /// Whether a device that is emulated on the processor will do.
@@ -55,8 +55,6 @@ pub struct AdapterDescription {
     pub max_buffer: u64,
     /// Memory of a workgroup, bytes.
     pub workgroup_memory: u32,
-    /// Whether stages can be timed on the device.
-    pub timestamps: bool,
     /// What it offers beyond what every device has.
     pub features: Features,
     /// What it lacks to render; `None` if nothing.
@@ -94,7 +92,6 @@ fn describe(adapter: &wgpu::Adapter) -> AdapterDescription {
         max_binding: limits.max_storage_buffer_binding_size,
         max_buffer: limits.max_buffer_size,
         workgroup_memory: limits.max_compute_workgroup_storage_size,
-        timestamps: features.contains(wgpu::Features::TIMESTAMP_QUERY),
         features: Features::ALL.offered_by(features, &limits),
         lacks: (!lacks.is_empty()).then(|| lacks.join(", ")),
     }
@@ -192,17 +189,18 @@ pub(super) fn device_descriptor(
     }
     let features = options.features.offered_by(adapter.features(), &most);
     let limits = &mut asked.required_limits;
-    limits.max_storage_buffer_binding_size = most.max_storage_buffer_binding_size;
-    limits.max_buffer_size = most.max_buffer_size;
-    limits.max_texture_dimension_2d = most.max_texture_dimension_2d;
+    if features.has(Feature::LargeLimits) {
+        limits.max_storage_buffer_binding_size = most.max_storage_buffer_binding_size;
+        limits.max_buffer_size = most.max_buffer_size;
+        limits.max_texture_dimension_2d = most.max_texture_dimension_2d;
+    }
     if features.has(Feature::Bindless) {
         let textures = most.max_binding_array_elements_per_shader_stage;
         limits.max_binding_array_elements_per_shader_stage = textures.min(MOST_TEXTURES);
         let lists = limits.max_storage_buffers_per_shader_stage;
         limits.max_storage_buffers_per_shader_stage = lists.max(LISTS_BESIDE_TEXTURES);
     }
-    asked.required_features = adapter.features() & wgpu::Features::TIMESTAMP_QUERY;
-    asked.required_features |= features.wgpu();
+    asked.required_features = features.wgpu();
     if features.has(Feature::RayQueries) {
         asked.required_limits = asked.required_limits.using_acceleration_structure_values(most);
         // SAFETY: acceleration structures are built once, from triangles and instances that stay

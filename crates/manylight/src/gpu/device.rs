@@ -2,6 +2,7 @@
 
 use super::adapter::{GpuOptions, MOST_TEXTURES, choose, device_descriptor, lacks};
 use super::buffer::{Account, HeldBytes};
+use super::features::smallest;
 use super::loops::{Loops, Watch};
 use super::pipelines::PipelineKey;
 use super::recorder::{Arena, Recorder};
@@ -25,6 +26,7 @@ pub struct Gpu {
     /// Name of the adapter and its driver.
     name: String,
     features: Features,
+    limits: wgpu::Limits,
     /// Whether every loop counts its turns, so that one without end cannot hang the device.
     pub(super) bounds_loops: AtomicBool,
     scene_layout: wgpu::BindGroupLayout,
@@ -118,8 +120,13 @@ impl Gpu {
             label: Some("scene"),
             entries: &scene_entries(features, most_textures(features, &device.limits())),
         });
+        let limits = match features.has(Feature::LargeLimits) {
+            true => device.limits(),
+            false => smallest(device.limits()),
+        };
         let mut gpu = Self {
             features,
+            limits,
             bounds_loops: AtomicBool::default(),
             device,
             queue,
@@ -187,9 +194,14 @@ impl Gpu {
         self.features
     }
 
+    /// What of it is used of its limits.
+    pub fn limits(&self) -> &wgpu::Limits {
+        &self.limits
+    }
+
     /// How many textures the scene may bind one by one; `None` where it binds an array of pages.
     pub fn most_textures(&self) -> Option<u32> {
-        most_textures(self.features, &self.device.limits()).map(NonZeroU32::get)
+        most_textures(self.features, &self.limits).map(NonZeroU32::get)
     }
 
     /// Bytes of all buffers that are held at present.
@@ -224,8 +236,7 @@ impl Gpu {
 
     /// Most bytes of one list.
     pub fn max_list_bytes(&self) -> u64 {
-        let limits = self.device.limits();
-        limits.max_storage_buffer_binding_size.min(limits.max_buffer_size)
+        self.limits.max_storage_buffer_binding_size.min(self.limits.max_buffer_size)
     }
 
     /// Turns after which the driver ends all loops of an invocation, whatever is left to do; `None`

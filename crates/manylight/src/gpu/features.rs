@@ -14,6 +14,10 @@ pub enum Feature {
     Subgroups,
     /// Numbers of 16 bits.
     Half,
+    /// Times of stages by the device's own clock.
+    Timestamps,
+    /// Lists, buffers and textures beyond `wgpu::Limits::defaults()`.
+    LargeLimits,
     /// Rays that the hardware follows.
     RayQueries,
     /// Any number of textures in one binding.
@@ -22,13 +26,22 @@ pub enum Feature {
 
 impl Feature {
     /// All there are.
-    pub const ALL: [Self; 4] = [Self::Subgroups, Self::Half, Self::RayQueries, Self::Bindless];
+    pub const ALL: [Self; 6] = [
+        Self::Subgroups,
+        Self::Half,
+        Self::Timestamps,
+        Self::LargeLimits,
+        Self::RayQueries,
+        Self::Bindless,
+    ];
 
     /// The last word of its setting.
     pub fn name(self) -> &'static str {
         match self {
             Self::Subgroups => "subgroups",
             Self::Half => "half",
+            Self::Timestamps => "timestamps",
+            Self::LargeLimits => "large_limits",
             Self::RayQueries => "ray_queries",
             Self::Bindless => "bindless",
         }
@@ -39,6 +52,8 @@ impl Feature {
         match self {
             Self::Subgroups => wgpu::Features::SUBGROUP,
             Self::Half => wgpu::Features::SHADER_F16,
+            Self::Timestamps => wgpu::Features::TIMESTAMP_QUERY,
+            Self::LargeLimits => wgpu::Features::empty(),
             Self::RayQueries => wgpu::Features::EXPERIMENTAL_RAY_QUERY,
             Self::Bindless => {
                 wgpu::Features::TEXTURE_BINDING_ARRAY
@@ -62,8 +77,25 @@ impl Feature {
                 limits.max_binding_array_elements_per_shader_stage >= LEAST_TEXTURES
                     && limits.max_storage_buffers_per_shader_stage >= LISTS_BESIDE_TEXTURES
             }
-            Self::Subgroups | Self::Half => true,
+            Self::LargeLimits => smallest(limits.clone()) != *limits,
+            Self::Subgroups | Self::Half | Self::Timestamps => true,
         }
+    }
+}
+
+/// Some limits with the room for lists, buffers and textures that every device has.
+pub(super) fn smallest(limits: wgpu::Limits) -> wgpu::Limits {
+    let wgpu::Limits {
+        max_storage_buffer_binding_size,
+        max_buffer_size,
+        max_texture_dimension_2d,
+        ..
+    } = wgpu::Limits::defaults();
+    wgpu::Limits {
+        max_storage_buffer_binding_size,
+        max_buffer_size,
+        max_texture_dimension_2d,
+        ..limits
     }
 }
 
@@ -132,10 +164,21 @@ impl Features {
 
 impl From<&GpuSettings> for Features {
     fn from(settings: &GpuSettings) -> Self {
-        let GpuSettings { base, subgroups, half, ray_queries, bindless, .. } = settings;
+        let GpuSettings {
+            base,
+            subgroups,
+            half,
+            timestamps,
+            large_limits,
+            ray_queries,
+            bindless,
+            ..
+        } = settings;
         let wanted = |feature| match feature {
             Feature::Subgroups => *subgroups,
             Feature::Half => *half,
+            Feature::Timestamps => *timestamps,
+            Feature::LargeLimits => *large_limits,
             Feature::RayQueries => *ray_queries,
             Feature::Bindless => *bindless,
         };
@@ -166,7 +209,11 @@ mod tests {
         };
         assert_eq!(
             names(Features::ALL),
-            ["subgroups half ray_queries bindless", "subgroups half", ""]
+            [
+                "subgroups half timestamps large_limits ray_queries bindless",
+                "subgroups half timestamps large_limits",
+                ""
+            ]
         );
         assert_eq!(names(Features::only(Feature::Half)), ["half", ""]);
         assert_eq!(names(Features::NONE), [""]);

@@ -57,6 +57,7 @@ fn capabilities(features: Features) -> naga::valid::Capabilities {
     let allowed = |feature| match feature {
         Feature::Subgroups => Capabilities::SUBGROUP | Capabilities::SUBGROUP_BARRIER,
         Feature::Half => Capabilities::SHADER_FLOAT16,
+        Feature::Timestamps | Feature::LargeLimits => Capabilities::empty(),
         Feature::RayQueries => Capabilities::RAY_QUERY,
         Feature::Bindless => {
             Capabilities::TEXTURE_AND_SAMPLER_BINDING_ARRAY

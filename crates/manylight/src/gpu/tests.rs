@@ -54,6 +54,21 @@ fn memory_is_counted_until_it_is_dropped() {
 }
 
 #[test]
+fn large_limits_are_those_of_the_device_and_others_those_of_every_one() {
+    let Some(gpu) = device_with(Feature::LargeLimits) else { return };
+    assert_eq!(gpu.limits(), &gpu.device().limits());
+    let (raw, queue) = (gpu.device().clone(), gpu.queue().clone());
+    let without = Gpu::from_device(raw, queue, "theirs".to_owned(), Features::NONE);
+    let (without, least) = (without.expect("device"), wgpu::Limits::defaults());
+    assert_eq!(without.max_list_bytes(), least.max_storage_buffer_binding_size);
+    assert_eq!(without.limits().max_texture_dimension_2d, least.max_texture_dimension_2d);
+    let is_larger = gpu.max_list_bytes() > without.max_list_bytes();
+    let words = without.max_list_bytes() as usize / 4 + 1;
+    assert_eq!(gpu.buffer::<u32>("large", words).is_ok(), is_larger);
+    assert!(without.buffer::<u32>("large", words).is_err());
+}
+
+#[test]
 fn what_was_bound_is_kept_until_its_memory_goes() {
     let Some(opened) = device() else { return };
     let (raw, queue) = (opened.device().clone(), opened.queue().clone());

@@ -1,6 +1,6 @@
 //! Times of stages, by timestamps of the device.
 
-use super::Gpu;
+use super::{Feature, Gpu};
 use crate::error::Error;
 
 /// Most timed passes of one submission.
@@ -29,7 +29,7 @@ pub(super) struct Timer {
 impl Timer {
     pub fn new(gpu: &Gpu) -> Option<Self> {
         let device = gpu.device();
-        if !device.features().contains(wgpu::Features::TIMESTAMP_QUERY) {
+        if !gpu.features().has(Feature::Timestamps) {
             return None;
         }
         let size = u64::from(2 * MOST_PASSES) * 8;

@@ -472,7 +472,7 @@ impl GpuRenderer {
         let count = |name: &str| match name {
             "receivers" => layers.depth.iter().filter(|d| d.is_finite()).count() as u64,
             "direct" => self.renderer.emitters.lights.len() as u64,
-            "lighting" | "brute" => evals,
+            "gather light" | "brute" => evals,
             name => buffers.count_of(name),
         };
         let stages =

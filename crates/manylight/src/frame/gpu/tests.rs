@@ -281,6 +281,40 @@ fn subgroups_change_no_bit_of_a_picture() {
 }
 
 #[test]
+fn large_limits_change_no_bit_of_a_picture() {
+    let found = with_and_without(Feature::LargeLimits, "cornell");
+    let Some([once, again, base]) = found else { return };
+    assert!(bits(&once) == bits(&base) && bits(&again) == bits(&base));
+}
+
+#[test]
+fn timestamps_tell_of_every_stage_and_change_no_bit() {
+    let Some(gpu) = device_with(Feature::Timestamps) else { return };
+    let settings = few("balanced");
+    let mut pictures = Vec::new();
+    let mut render = |gpu, is_timed| {
+        with_scene(gpu, builtin("cornell"), |both| {
+            pictures.push(bits(&both.on_device(SIZE, &settings)));
+            let times = both.engine.time_frame(&both.camera, SIZE, &settings, false);
+            let times = times.expect("a frame");
+            let names: Vec<_> = times.iter().map(|time| time.name).collect();
+            let stages = ["receivers", "vpls", "grid", "gather light", "gather shadow", "filter"];
+            for name in stages {
+                assert_eq!(names.contains(&name), is_timed, "{name}: {names:?}");
+            }
+            assert!(times.iter().all(|time| time.time_ms > 0.0), "{times:?}");
+            let frame = both.engine.render(&both.camera, SIZE, &settings, &|_, _| ());
+            let frame = frame.expect("a frame");
+            let light = frame.stages.iter().find(|stage| stage.name == "gather light");
+            assert_eq!(light.is_some_and(|stage| stage.count > 0), is_timed, "evaluations");
+        })
+    };
+    render(gpu, true);
+    with_gpu(|gpu| render(gpu, false));
+    assert!(pictures[0] == pictures[1]);
+}
+
+#[test]
 fn halves_change_a_picture_little_and_repeat_themselves() {
     for name in ["cornell", "atrium"] {
         let Some([once, again, base]) = with_and_without(Feature::Half, name) else { return };

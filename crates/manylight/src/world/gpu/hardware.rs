@@ -165,7 +165,7 @@ impl HardwareTree {
     ///
     /// Errors: more triangles or instances than the device allows, or than it has room for
     pub(super) fn build(gpu: &Gpu, parts: &Parts) -> Result<Self, Error> {
-        let limits = gpu.device().limits();
+        let limits = gpu.limits();
         let lists = parts.parts.iter().flat_map(Part::lists);
         let most = lists.map(|(_, count, _)| count).max().unwrap_or(0);
         // The limit is compared with corners.

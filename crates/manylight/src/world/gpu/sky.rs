@@ -35,7 +35,7 @@ pub(super) struct SkyTexture {
 impl SkyTexture {
     /// Errors: more texels along a side than the device allows
     pub fn upload(gpu: &Gpu, sky: &SkyTexels) -> Result<Self, Error> {
-        let most = gpu.device().limits().max_texture_dimension_2d;
+        let most = gpu.limits().max_texture_dimension_2d;
         check_size(sky.size, most).map_err(|problem| refused(gpu, &problem))?;
         // A binding may not be empty.
         let [width, height] = sky.size.map(|side| side.max(1));

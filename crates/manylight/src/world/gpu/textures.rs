@@ -36,7 +36,7 @@ pub(super) struct Limits {
 
 impl From<&Gpu> for Limits {
     fn from(gpu: &Gpu) -> Self {
-        let limits = gpu.device().limits();
+        let limits = gpu.limits();
         let (side, layers) = (limits.max_texture_dimension_2d, limits.max_texture_array_layers);
         Self { side, layers, textures: gpu.most_textures() }
     }
