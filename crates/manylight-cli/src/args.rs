@@ -171,10 +171,11 @@ pub struct BenchArgs {
     /// Keep virtual lights and grids from frame to frame, on a graphics device
     #[arg(long = "static", conflicts_with_all = ["quality", "rays", "build"])]
     pub is_static: bool,
-    /// Frames to time, after one that is not counted
-    #[arg(long, default_value_t = 5, value_name = "N")]
+    /// Frames to time, after one that is not counted; default: 100 on a graphics device, 5 on the
+    /// processor and on devices that it emulates
+    #[arg(long, value_name = "N")]
     #[arg(value_parser = clap::value_parser!(u32).range(1..=10_000))]
-    pub frames: u32,
+    pub frames: Option<u32>,
     /// Settings
     #[command(flatten)]
     pub settings: SettingArgs,

@@ -73,16 +73,10 @@ impl Engine {
         progress: Progress<'_>,
         quiet: bool,
     ) -> Result<Frame, Failure> {
-        if let Self::Gpu(engine, fallback @ (Fallback::Never | Fallback::Ready)) = self {
-            match engine.render(camera, size, settings, progress) {
-                Err(reason @ manylight::Error::Device { .. }) if *fallback == Fallback::Ready => {
-                    warn(&reason, quiet);
-                    *fallback = Fallback::Done;
-                }
-                result => return Ok(result?),
-            }
+        match self.on_device(quiet, |gpu| gpu.render(camera, size, settings, progress))? {
+            Some(frame) => Ok(frame),
+            None => Ok(self.renderer().render(camera, size, settings, progress)?),
         }
-        Ok(self.renderer().render(camera, size, settings, progress)?)
     }
 
     /// Renders the next frame of a sequence; none where the processor has just taken over, which
@@ -95,17 +89,39 @@ impl Engine {
         progress: Progress<'_>,
         quiet: bool,
     ) -> Result<Option<Frame>, Failure> {
-        if let Self::Gpu(engine, fallback @ (Fallback::Never | Fallback::Ready)) = self {
-            return match engine.render_next(camera, size, settings, frame, progress) {
-                Err(reason @ manylight::Error::Device { .. }) if *fallback == Fallback::Ready => {
-                    warn(&reason, quiet);
-                    *fallback = Fallback::Done;
-                    Ok(None)
-                }
-                result => Ok(Some(result?)),
-            };
+        if self.device().is_some() {
+            let next =
+                |gpu: &mut GpuRenderer| gpu.render_next(camera, size, settings, frame, progress);
+            return self.on_device(quiet, next);
         }
         Ok(Some(self.renderer().render_next(camera, size, settings, frame, past, progress)?))
+    }
+
+    /// Does something on the graphics device; none where the processor has taken over, or does now.
+    pub fn on_device<T>(
+        &mut self,
+        quiet: bool,
+        work: impl FnOnce(&mut GpuRenderer) -> Result<T, manylight::Error>,
+    ) -> Result<Option<T>, Failure> {
+        let Self::Gpu(gpu, fallback @ (Fallback::Never | Fallback::Ready)) = self else {
+            return Ok(None);
+        };
+        match work(gpu) {
+            Err(reason @ manylight::Error::Device { .. }) if *fallback == Fallback::Ready => {
+                warn(&reason, quiet);
+                *fallback = Fallback::Done;
+                Ok(None)
+            }
+            result => Ok(Some(result?)),
+        }
+    }
+
+    /// The graphics device, unless the processor has taken over.
+    pub fn device(&self) -> Option<&Gpu> {
+        match self {
+            Self::Cpu(_) | Self::Gpu(_, Fallback::Done) => None,
+            Self::Gpu(engine, _) => Some(engine.gpu()),
+        }
     }
 
     /// Forgets the frames of a sequence.
@@ -117,41 +133,23 @@ impl Engine {
     }
 
     /// Renders one picture for its time: of each stage, ms; `is_static` keeps its lights. Where
-    /// frames add up it is the next one of a sequence.
+    /// frames add up it is the next one of a sequence. None where the processor has just taken
+    /// over.
     pub fn time_frame(
         &mut self,
         (camera, size): (&Camera, [usize; 2]),
         settings: &Settings,
         (frame, past): (u32, &mut Past),
         is_static: bool,
-    ) -> Result<Vec<(&'static str, f64)>, Failure> {
-        Ok(match self {
-            Self::Cpu(renderer) => {
-                let frame =
-                    renderer.render_next(camera, size, settings, frame, past, &|_, _| ())?;
-                frame.stages.iter().map(|s| (s.name, s.time_ms)).collect()
-            }
-            Self::Gpu(engine, _) => {
-                let times = engine.time_frame(camera, size, settings, is_static)?;
-                times.iter().map(|t| (t.name, t.time_ms)).collect()
-            }
-        })
-    }
-
-    /// Bytes that are held on a graphics device, by name.
-    pub fn device_lists(&self) -> Option<Vec<(&'static str, u64)>> {
-        match self {
-            Self::Cpu(_) => None,
-            Self::Gpu(engine, _) => Some(engine.gpu().lists()),
+        quiet: bool,
+    ) -> Result<Option<Vec<(&'static str, f64)>>, Failure> {
+        if self.device().is_some() {
+            let times = |gpu: &mut GpuRenderer| gpu.time_frame(camera, size, settings, is_static);
+            let times = self.on_device(quiet, times)?;
+            return Ok(times.map(|t| t.iter().map(|t| (t.name, t.time_ms)).collect()));
         }
-    }
-
-    /// Dispatches that a graphics device was given so far.
-    pub fn dispatches(&self) -> Option<u64> {
-        match self {
-            Self::Cpu(_) => None,
-            Self::Gpu(engine, _) => Some(engine.gpu().dispatches()),
-        }
+        let frame = self.renderer().render_next(camera, size, settings, frame, past, &|_, _| ())?;
+        Ok(Some(frame.stages.iter().map(|s| (s.name, s.time_ms)).collect()))
     }
 
     /// World and emitters.
@@ -164,19 +162,14 @@ impl Engine {
 
     /// What is used of a graphics device beyond what every one has.
     pub fn features(&self) -> Vec<&'static str> {
-        match self {
-            Self::Cpu(_) | Self::Gpu(_, Fallback::Done) => Vec::new(),
-            Self::Gpu(engine, _) => engine.gpu().features().names(),
-        }
+        self.device().map_or(Vec::new(), |gpu| gpu.features().names())
     }
 
     /// Backend and device, for the metadata of a picture.
     pub fn names(&self) -> [String; 2] {
-        match self {
-            Self::Cpu(_) | Self::Gpu(_, Fallback::Done) => {
-                ["cpu".to_owned(), format!("{} threads", rayon::current_num_threads())]
-            }
-            Self::Gpu(engine, _) => ["gpu".to_owned(), engine.gpu().name().to_owned()],
+        match self.device() {
+            None => ["cpu".to_owned(), format!("{} threads", rayon::current_num_threads())],
+            Some(gpu) => ["gpu".to_owned(), gpu.name().to_owned()],
         }
     }
 }

@@ -8,6 +8,7 @@ use manylight::bench::{self, GpuRayBatch, Quality, RayBatch};
 use manylight::frame::Past;
 use manylight::frame::gpu::GpuRenderer;
 use manylight::gather::grid::{DETAIL, LightingGrid};
+use manylight::gpu::Gpu;
 use manylight::{Renderer, Settings};
 use serde_json::{Value, json};
 use std::io::Write;
@@ -65,11 +66,13 @@ fn measure(
         let camera = shot.camera;
         let renderer = Renderer::new(shot.scene)?;
         let report = if args.is_of_frames() {
-            let mut engine = Engine::new(renderer, args.backend, &settings, args.json)?;
+            // The processor would keep nothing.
+            let backend = if args.is_static { Backend::Gpu } else { args.backend };
+            let mut engine = Engine::new(renderer, backend, &settings, args.json)?;
             frames(&mut engine, &camera, size, &settings, args, is_own_peak)?
         } else if args.rays || args.dump_rays.is_some() {
-            let engine = Engine::new(renderer, args.backend, &settings, args.json)?;
-            rays(&engine, &camera, size, &settings, args)?
+            let mut engine = Engine::new(renderer, args.backend, &settings, args.json)?;
+            rays(&mut engine, &camera, size, &settings, args)?
         } else if let Some(receivers) = args.quality {
             quality(&renderer, &camera, size, &settings, receivers)
         } else {
@@ -157,7 +160,7 @@ fn quality(
 }
 
 fn rays(
-    engine: &Engine,
+    engine: &mut Engine,
     camera: &manylight_scene::Camera,
     size: [usize; 2],
     settings: &Settings,
@@ -171,20 +174,19 @@ fn rays(
             output::write_bytes(&bytes, &path.with_extension(end))?;
         }
     }
-    let (occluded, rate) = match engine {
-        Engine::Cpu(_) => ray_rate(batch.len(), || Ok((batch.trace(renderer), None)))?,
-        Engine::Gpu(engine, _) => {
-            let on_device = GpuRayBatch::new(engine, &batch)?;
-            return device_rays(engine, &on_device, batch.len());
-        }
-    };
+    if let Some(report) = engine.on_device(args.json, |gpu| device_rays(gpu, &batch))? {
+        return Ok(report);
+    }
+    let trace = || Ok((batch.trace(engine.renderer()), None));
+    let (occluded, rate) = ray_rate(batch.len(), trace)?;
     Ok(json!({ "device": engine.names()[1], "rays": batch.len(), "occluded": occluded,
                "mrays_per_s": rate }))
 }
 
 /// The same rays by way of both hierarchies.
-fn device_rays(engine: &GpuRenderer, rays: &GpuRayBatch, count: usize) -> Result<Value, Failure> {
-    let (occluded, rate) = ray_rate(count, || Ok(rays.trace(engine)?))?;
+fn device_rays(engine: &GpuRenderer, batch: &RayBatch) -> Result<Value, manylight::Error> {
+    let (rays, count) = (GpuRayBatch::new(engine, batch)?, batch.len());
+    let (occluded, rate) = ray_rate(count, || rays.trace(engine))?;
     let mut report = json!({ "device": engine.gpu().name(),
                              "features": engine.gpu().features().names(), "rays": count,
                              "walk": GpuRayBatch::walk(engine), "occluded": occluded,
@@ -201,8 +203,8 @@ fn device_rays(engine: &GpuRenderer, rays: &GpuRayBatch, count: usize) -> Result
 /// device's clock where it has one.
 fn ray_rate(
     count: usize,
-    trace: impl Fn() -> Result<(usize, Option<f64>), Failure>,
-) -> Result<(usize, f64), Failure> {
+    trace: impl Fn() -> Result<(usize, Option<f64>), manylight::Error>,
+) -> Result<(usize, f64), manylight::Error> {
     let mut times = Vec::new();
     let mut occluded = 0;
     for _ in 0..RUNS {
@@ -241,16 +243,23 @@ fn frames(
     let mut totals = Vec::new();
     let mut past = Past::default();
     let mut dispatches = None;
-    for run in 0..=args.frames {
-        let before = engine.dispatches();
+    let mut run = 0;
+    while run <= args.frames.unwrap_or(frames_of(engine)) {
+        let before = engine.device().map(Gpu::dispatches);
         let start = Instant::now();
-        let times =
-            engine.time_frame((camera, size), settings, (run, &mut past), args.is_static)?;
-        if run == 0 {
+        let (view, next) = ((camera, size), (run, &mut past));
+        let times = engine.time_frame(view, settings, next, args.is_static, args.json)?;
+        let Some(times) = times else {
+            // From the beginning, on the processor.
+            (run, stages, totals) = (0, Vec::new(), Vec::new());
+            continue;
+        };
+        run += 1;
+        if run == 1 {
             continue;
         }
         totals.push(start.elapsed().as_secs_f64() * 1e3);
-        dispatches = engine.dispatches().zip(before).map(|(now, before)| now - before);
+        dispatches = engine.device().map(Gpu::dispatches).zip(before).map(|(now, b)| now - b);
         for (name, time_ms) in times {
             match stages.iter_mut().find(|s| s.0 == name) {
                 Some(s) => s.1.push(time_ms),
@@ -271,7 +280,7 @@ fn frames(
     if let Some(dispatches) = dispatches {
         report.insert("dispatches".to_owned(), json!(dispatches));
     }
-    if let Some(lists) = engine.device_lists() {
+    if let Some(lists) = engine.device().map(Gpu::lists) {
         let bytes: u64 = lists.iter().map(|(_, bytes)| bytes).sum();
         report.insert("device_memory_mib".to_owned(), json!(bytes >> 20));
         let lists: serde_json::Map<_, _> =
@@ -279,6 +288,11 @@ fn frames(
         report.insert("device_lists_bytes".to_owned(), lists.into());
     }
     Ok(Value::Object(report))
+}
+
+/// Frames that are timed unless someone asks for another number.
+fn frames_of(engine: &Engine) -> u32 {
+    if engine.device().is_some_and(|gpu| !gpu.is_emulated()) { 100 } else { 5 }
 }
 
 /// Median, deciles and extremes of some times, ms.

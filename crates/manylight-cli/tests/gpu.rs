@@ -111,6 +111,30 @@ fn a_device_is_chosen_by_its_number_too() {
 }
 
 #[test]
+fn the_processor_takes_over_from_a_device_that_is_not_done_in_time() {
+    if !has_device() {
+        return;
+    }
+    let devices = devices();
+    let device = devices.iter().find(|device| device["lacks"].is_null()).expect("a device");
+    let name = format!("gpu.device={}", device["name"].as_str().expect("a name"));
+    let few = ["builtin:cornell", "--size", "64x36", "--set", "gpu.timeout=0.001", "--set", &name];
+    let bench = [&["bench"], &few[..], &["--frames", "2", "--backend"]].concat();
+    for kind in [&[][..], &["--rays"]] {
+        let output = manylight(&[&bench[..], &["auto", "--json"], kind].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        let used = json(&output)[0]["report"]["device"].to_string();
+        assert!(used.contains("threads"), "{used}");
+    }
+    let render = [&["render"], &few[..], &["--backend", "auto"]].concat();
+    assert!(text(&manylight(&render).stderr).contains("the processor takes over"));
+    let late = ["is not done after 0.001 s; render with --backend cpu"];
+    assert_refused(&[&bench[..], &["gpu"]].concat(), &late);
+    // What the processor would not keep it is not asked for.
+    assert_refused(&[&bench[..], &["auto", "--static"]].concat(), &late);
+}
+
+#[test]
 fn a_benchmark_tells_which_features_it_used() {
     if !has_device() {
         return;

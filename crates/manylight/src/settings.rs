@@ -215,6 +215,9 @@ group! {
         /// A folder with shaders, laid out as `crates/manylight/src`, that may change while the
         /// program runs; null: its own. Only in builds with debug assertions.
         shaders: Option<String> = None,
+        /// Seconds after which work that is not done counts as lost, 0.001 to 86,400; null: 600,
+        /// and without end on a device that is emulated on the processor.
+        timeout: Option<f32> = None,
         /// Whether to use operations across invocations that run in step, where the device has
         /// them.
         subgroups: bool = true,
@@ -372,7 +375,7 @@ impl Settings {
     }
 
     /// Path, value, least and most of every number; what is left to the program is in its range.
-    fn ranges(&self) -> [(&'static str, f64, f64, f64); 18] {
+    fn ranges(&self) -> [(&'static str, f64, f64, f64); 19] {
         let Self { vpls, grid, shadow, film, .. } = self;
         let levels = grid.levels.unwrap_or(MIN_LEVELS);
         [
@@ -393,6 +396,7 @@ impl Settings {
             ("interleave", self.interleave.into(), 1.0, 4.0),
             ("path.spp", self.path.spp.into(), 1.0, 1_048_576.0),
             ("film.samples", film.samples.into(), 1.0, 4096.0),
+            ("gpu.timeout", self.gpu.timeout.unwrap_or(1.0).into(), 0.001, 86_400.0),
             ("film.exposure_ev", film.exposure_ev.unwrap_or(0.0).into(), -40.0, 40.0),
         ]
     }

@@ -6,6 +6,7 @@ use super::{Feature, Features};
 use crate::error::Error;
 use crate::settings::GpuSettings;
 use std::path::PathBuf;
+use std::time::Duration;
 
 /// Most textures that are bound one by one.
 pub(super) const MOST_TEXTURES: u32 = 1024;
@@ -26,15 +27,19 @@ pub struct GpuOptions {
     /// A folder whose shaders stand for those of the program and may change meanwhile; only in
     /// builds with debug assertions.
     pub shaders: Option<PathBuf>,
+    /// After which work that is not done counts as lost; `None`: ten minutes, and without end on a
+    /// device that is emulated on the processor.
+    pub timeout: Option<Duration>,
 }
 
 impl From<&GpuSettings> for GpuOptions {
     /// A device that is emulated will do where it is named.
     fn from(settings: &GpuSettings) -> Self {
-        let GpuSettings { device, base, shaders, .. } = settings;
+        let GpuSettings { device, base, shaders, timeout, .. } = settings;
+        let timeout = timeout.map(Duration::from_secs_f32);
         let shaders = shaders.as_ref().map(PathBuf::from);
         let (software, features) = (device.is_some(), Features::from(settings));
-        Self { adapter: device.clone(), base: *base, software, features, shaders }
+        Self { adapter: device.clone(), base: *base, software, features, shaders, timeout }
     }
 }
 

@@ -14,7 +14,10 @@ use std::collections::HashMap;
 use std::num::NonZeroU32;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
 
+/// After which work that is not done counts as lost, unless someone asked for another time.
+const TIMEOUT: Duration = Duration::from_secs(600);
 /// Most bytes that are copied back at a time, unless one list has more.
 const MOST_STAGED: u64 = 128 << 20;
 
@@ -27,6 +30,8 @@ pub struct Gpu {
     name: String,
     features: Features,
     limits: wgpu::Limits,
+    /// After which work that is not done counts as lost.
+    timeout: Option<Duration>,
     /// Whether every loop counts its turns, so that one without end cannot hang the device.
     pub(super) bounds_loops: AtomicBool,
     scene_layout: wgpu::BindGroupLayout,
@@ -70,7 +75,8 @@ impl Gpu {
             .or_else(|problem| opened.find_map(Result::ok).ok_or(problem))
             .map_err(|e| device(format!("{} does not open: {e}", description.name)))?;
         let name = format!("{}, {}", description.name, description.driver);
-        let gpu = Self::with_features(raw, queue, name, features)?;
+        let mut gpu = Self::with_features(raw, queue, name, features)?;
+        gpu.timeout = options.timeout.or(gpu.timeout);
         if options.base {
             gpu.bound_loops();
         }
@@ -124,9 +130,11 @@ impl Gpu {
             true => device.limits(),
             false => smallest(device.limits()),
         };
+        let is_emulated = device.adapter_info().device_type == wgpu::DeviceType::Cpu;
         let mut gpu = Self {
             features,
             limits,
+            timeout: (!is_emulated).then_some(TIMEOUT),
             bounds_loops: AtomicBool::default(),
             device,
             queue,
@@ -187,6 +195,11 @@ impl Gpu {
     /// Name of the adapter and its driver.
     pub fn name(&self) -> &str {
         &self.name
+    }
+
+    /// Whether the processor does the work of the device.
+    pub fn is_emulated(&self) -> bool {
+        self.device.adapter_info().device_type == wgpu::DeviceType::Cpu
     }
 
     /// What kernels make use of beyond what every device has.
@@ -381,11 +394,32 @@ impl Gpu {
 
     /// Waits until all submitted work is done.
     ///
-    /// Errors: what the device reported since it was opened
+    /// Errors: what the device reported since it was opened; work that is not done in time, after
+    /// which the device is of no use
     pub fn wait(&self) -> Result<(), Error> {
-        let polled = self.device.poll(wgpu::PollType::wait_indefinitely());
-        polled.map_err(|e| self.problem(&one_line(&e)))?;
+        self.check()?;
+        let timeout = self.timeout;
+        match self.device.poll(wgpu::PollType::Wait { submission_index: None, timeout }) {
+            Ok(_) => {}
+            Err(wgpu::PollError::Timeout) => self.give_up(),
+            Err(e) => return Err(self.problem(&one_line(&e))),
+        }
         self.check()
+    }
+
+    /// The device may never be done: whatever is asked of it from now on is refused.
+    fn give_up(&self) {
+        // The last owner would wait for it; and must where it works inside this process, which
+        // cannot end before.
+        if !self.is_emulated() {
+            std::mem::forget((self.device.clone(), self.queue.clone()));
+        }
+        let seconds = self.timeout.unwrap_or_default().as_secs_f32();
+        let problem = format!(
+            "its work is not done after {seconds} s; render with --backend cpu, or give it more \
+             time with --set gpu.timeout=SECONDS"
+        );
+        self.problem.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(problem);
     }
 
     /// Makes known what is done, without waiting.

@@ -66,7 +66,7 @@ impl Loops {
     /// Errors: what the device reported
     pub fn new(gpu: &Gpu) -> Result<Self, Error> {
         // Only drivers that emulate a device are known to end loops early.
-        if gpu.device().adapter_info().device_type != wgpu::DeviceType::Cpu {
+        if !gpu.is_emulated() {
             return Ok(Self::default());
         }
         let turns = gpu.upload("turns of a loop", &[Turns { asked: TRIED, made: 0 }])?;

@@ -372,16 +372,22 @@ fn bindless_pictures_have_the_same_bits() {
     let Some(bindless) = device_with(Feature::Bindless) else { return };
     with_gpu(|gpu| {
         let mut pictures = Vec::new();
-        // Few kernels, and textures on every ray of them.
-        let settings = Settings { method: Method::Direct, ..few("balanced") };
+        let methods = [Method::Direct, Method::Grid, Method::Brute, Method::Path];
         let mut render = |gpu| {
             with_scene(gpu, papered(), |both| {
-                pictures.push(bits(&both.on_device([40, 30], &settings)));
+                for method in methods {
+                    let mut settings = Settings { method, ..few("balanced") };
+                    settings.path.spp = 2;
+                    pictures.push(bits(&both.on_device([40, 30], &settings)));
+                }
             })
         };
         let gpu = render(gpu);
         render(bindless).check().expect("no problem");
-        assert!(pictures[0] == pictures[1]);
+        let (paged, bound) = pictures.split_at(methods.len());
+        for (method, (paged, bound)) in methods.iter().zip(paged.iter().zip(bound)) {
+            assert!(paged == bound, "{method:?}");
+        }
         gpu
     });
 }
