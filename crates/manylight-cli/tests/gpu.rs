@@ -134,6 +134,42 @@ fn the_processor_takes_over_from_a_device_that_is_not_done_in_time() {
     assert_refused(&[&bench[..], &["auto", "--static"]].concat(), &late);
 }
 
+/// An emulated device has the memory of its process, which a shell can bound. With too little even
+/// the program itself ends; with a little more it is the device that has no room.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_device_without_memory_is_a_sentence() {
+    let devices = devices();
+    let is_emulated = |d: &&Value| d["kind"] == "software" && d["lacks"].is_null();
+    let Some(device) = devices.iter().find(is_emulated) else {
+        return skip_without_device("there is no emulated graphics device");
+    };
+    let name = format!("gpu.device={}", device["name"].as_str().expect("a name"));
+    let mut said = Vec::new();
+    for most in (12..40).step_by(3) {
+        let output = Command::new("sh")
+            .args(["-c", &format!("ulimit -v {most}00000 && exec \"$@\""), "sh"])
+            .args([
+                env!("CARGO_BIN_EXE_manylight"),
+                "render",
+                "builtin:cornell",
+                "--size",
+                "320x180",
+            ])
+            .args(["--backend", "gpu", "--set", &name, "--set", "vpls.count=2500000"])
+            .env("XDG_RUNTIME_DIR", std::env::temp_dir())
+            .output()
+            .expect("a shell");
+        let message = text(&output.stderr);
+        if output.status.code() == Some(2) && message.contains("has no room for it beside") {
+            assert_eq!(message.trim_end().lines().count(), 1, "{message}");
+            return;
+        }
+        said.push((most, output.status, message));
+    }
+    panic!("{said:#?}");
+}
+
 #[test]
 fn a_benchmark_tells_which_features_it_used() {
     if !has_device() {
