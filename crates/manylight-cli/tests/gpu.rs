@@ -134,6 +134,30 @@ fn the_processor_takes_over_from_a_device_that_is_not_done_in_time() {
     assert_refused(&[&bench[..], &["auto", "--static"]].concat(), &late);
 }
 
+#[cfg(debug_assertions)]
+#[test]
+fn what_a_wrong_shader_leaves_behind_is_told() {
+    if !has_device() {
+        return;
+    }
+    let file = "composite/beauty.wgsl";
+    let sources = concat!(env!("CARGO_MANIFEST_DIR"), "/../manylight/src");
+    let right = std::fs::read_to_string(format!("{sources}/{file}")).expect("a shader");
+    let folder = std::env::temp_dir().join(format!("manylight-wrong-{}", std::process::id()));
+    std::fs::create_dir_all(folder.join("composite")).expect("a folder");
+    let shaders = format!("gpu.shaders={}", folder.display());
+    let device = format!("gpu.device=#{}", devices()[0]["number"]);
+    let args = [&RENDER[..], &["--set", &device, "--set", &shaders]].concat();
+    let no_number = "bitcast<f32>(0x7fc00000u | index)";
+    for (wrong, faults) in [(no_number, ": 432 numbers"), ("vec3f(-9.0)", ": 0 numbers")] {
+        let text = right.replace("emissions[index].rgb, 1.0", &format!("{wrong}, 1.0"));
+        assert_ne!(text, right);
+        std::fs::write(folder.join(file), text).expect("written");
+        assert_refused(&args, &[faults, "of the list of picture are not finite", "below zero"]);
+    }
+    std::fs::remove_dir_all(folder).expect("removed");
+}
+
 /// An emulated device has the memory of its process, which a shell can bound. With too little even
 /// the program itself ends; with a little more it is the device that has no room.
 #[cfg(target_os = "linux")]

@@ -10,6 +10,8 @@
 mod adapter;
 mod buffer;
 mod device;
+#[cfg(debug_assertions)]
+mod faults;
 mod features;
 mod groups;
 mod kernel;
@@ -33,6 +35,8 @@ pub use adapter::{AdapterDescription, GpuOptions, describe_adapters};
 pub(crate) use buffer::record;
 pub use buffer::{Buf, HeldBytes, Record};
 pub use device::Gpu;
+#[cfg(debug_assertions)]
+pub use faults::{Faults, Suspect};
 pub use features::{Feature, Features, Variant};
 pub use groups::Place;
 pub(crate) use kernel::kernel;
@@ -54,7 +58,12 @@ pub const MAX_GROUPS: u32 = 65_535;
 
 /// Every kernel of this room.
 #[cfg(test)]
-pub(crate) const KERNELS: &[&[&KernelInfo]] = &[scan::KERNELS, loops::KERNELS];
+pub(crate) const KERNELS: &[&[&KernelInfo]] = &[
+    scan::KERNELS,
+    loops::KERNELS,
+    #[cfg(debug_assertions)]
+    faults::KERNELS,
+];
 
 #[cfg(test)]
 mod tests;

@@ -44,6 +44,7 @@ const FILES: &[(&str, &str)] = shaders![
     "gpu/running_words_subgroups",
     "gpu/subgroup",
     "gpu/count_turns",
+    "gpu/count_faults",
     "gpu/last_loop",
     "gpu/scan_blocks",
     "gpu/scan_add",

@@ -8,6 +8,8 @@ use crate::filter::gpu::{Filter, Guides};
 use crate::filter::interleave::gpu::Join;
 use crate::gather::grid::gpu::{Gather, GatherCapacity, band_evals};
 use crate::gpu::{Buf, Gpu, Later, Memory, Pool, Recorder};
+#[cfg(debug_assertions)]
+use crate::gpu::{Faults, Suspect};
 use crate::settings::{GridSettings, Method, Settings, ShadowSettings, VplSettings};
 use crate::surface::gpu::GpuReceivers;
 use std::sync::Arc;
@@ -264,6 +266,8 @@ pub(super) struct Buffers {
     builds: Builds,
     pub receivers: GpuReceivers,
     pub work: Work,
+    #[cfg(debug_assertions)]
+    faults: Faults,
 }
 
 impl Buffers {
@@ -302,7 +306,17 @@ impl Buffers {
             }
         };
         let work = Work::new(gpu, &shape, settings, room, built)?;
-        Ok(Self { shape, generation, grids, lit, builds, receivers, work })
+        Ok(Self {
+            shape,
+            generation,
+            grids,
+            lit,
+            builds,
+            receivers,
+            work,
+            #[cfg(debug_assertions)]
+            faults: Faults::new(gpu)?,
+        })
     }
 
     /// Whether they are those of frames of a size with some settings.
@@ -388,13 +402,42 @@ impl Buffers {
 
     /// Brings back what the frame recorded so far would have needed.
     pub fn record_needs(&self, rec: &mut Recorder<'_>) -> Later {
-        let records: Vec<_> = self.work.lights().flat_map(Lights::needs_records).collect();
+        let mut records: Vec<_> = self.work.lights().flat_map(Lights::needs_records).collect();
+        #[cfg(debug_assertions)]
+        {
+            self.faults.record(rec, &self.suspects());
+            records.push(self.faults.raw());
+        }
         rec.read_later(&records)
     }
 
     /// What came back.
-    pub fn parse_needs(&self, mut bytes: &[u8]) -> Vec<Needs> {
-        self.work.lights().map(|lights| lights.take_needs(&mut bytes)).collect()
+    ///
+    /// Errors: in debug builds, numbers in its lists that no stage may leave behind
+    pub fn parse_needs(&self, gpu: &Gpu, mut bytes: &[u8]) -> Result<Vec<Needs>, Error> {
+        let needs = self.work.lights().map(|lights| lights.take_needs(&mut bytes)).collect();
+        #[cfg(debug_assertions)]
+        Faults::check(gpu, &self.suspects(), &mut bytes)?;
+        let _ = gpu;
+        Ok(needs)
+    }
+
+    /// The lists that a frame leaves behind.
+    #[cfg(debug_assertions)]
+    fn suspects(&self) -> Vec<Suspect> {
+        let Work { irradiance, sky, layers, .. } = &self.work;
+        let mut suspects: Vec<_> = self.work.lights().flat_map(Lights::suspects).collect();
+        if self.shape.method == Method::Brute {
+            // The picture comes in submissions of its own.
+            return suspects;
+        }
+        suspects.push(Suspect::light(irradiance));
+        if let Some(part) = sky {
+            suspects.extend([Suspect::light(&part.unshadowed), Suspect::light(&part.ratio)]);
+        }
+        let GpuLayers { beauty, direct, indirect, unshadowed, .. } = layers;
+        suspects.extend([beauty, direct, indirect, unshadowed].map(Suspect::light));
+        suspects
     }
 
     /// As [`Buffers::grown`], by a frame of an engine: its lights may be gone since.
@@ -439,12 +482,12 @@ impl Buffers {
         if !lacked {
             return Ok((self, false));
         }
-        let Self { shape, lit, receivers, work, .. } = self;
+        let Self { work, .. } = self;
         // What grows must not stand beside what it was.
         drop(work);
-        let work = Work::new(gpu, &shape, settings, room, Default::default())?;
+        let work = Work::new(gpu, &self.shape, settings, room, Default::default())?;
         let (generation, grids, builds) = Default::default();
-        Ok((Self { shape, generation, grids, lit, builds, receivers, work }, true))
+        Ok((Self { generation, grids, builds, work, ..self }, true))
     }
 }
 

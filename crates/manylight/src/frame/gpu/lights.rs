@@ -7,6 +7,8 @@ use crate::gather::grid::gpu::{
     GatherInput, GatherOut, GatherStats, GpuGrid, GridBuild, GridCapacity, GridInfo, GridRules,
     Reach, fine_levels,
 };
+#[cfg(debug_assertions)]
+use crate::gpu::Suspect;
 use crate::gpu::{Buf, Gpu, Memory, Pool, Recorder, take_record};
 use crate::settings::{GridSettings, MAX_LEVELS, Method, Settings};
 use crate::vlight::vpl::gpu::{EmitterTracer, GpuVpls, VplInfo, VplTracer};
@@ -208,6 +210,23 @@ impl Lights {
         let gathered =
             gathered.flat_map(|g| [g.grid.info.raw(), g.out.stats.raw(), g.out.reach.raw()]);
         [self.vpls.info.raw()].into_iter().chain(gathered).collect()
+    }
+
+    /// Lists that a frame leaves behind: the lights that are gathered, and what they give.
+    #[cfg(debug_assertions)]
+    pub fn suspects(&self) -> Vec<Suspect> {
+        let Some(Gathered { grid, out, .. }) = &self.gathered else {
+            return vec![Suspect::new(&self.vpls.lights)];
+        };
+        vec![
+            Suspect::new(&grid.vpls),
+            Suspect::new(&grid.points),
+            Suspect::light(&grid.blocks),
+            // Lattice coordinates.
+            Suspect::new(&grid.lights).without(&[7, 11]),
+            Suspect::light(&out.unshadowed),
+            Suspect::light(&out.ratio),
+        ]
     }
 
     /// The same, off the front of bytes that came back.

@@ -237,7 +237,7 @@ impl GpuRenderer {
                 Method::Brute => self.run_brute(&buffers, job, progress),
                 _ => self.run_grid(&buffers, job, history.as_deref_mut()),
             })?;
-            let needs = buffers.parse_needs(&needs.bytes(&self.gpu)?);
+            let needs = buffers.parse_needs(&self.gpu, &needs.bytes(&self.gpu)?)?;
             let lacked;
             (buffers, lacked) =
                 self.gpu.guard(|| buffers.grown(&self.gpu, job.settings, &needs))?;
@@ -441,7 +441,7 @@ impl GpuRenderer {
         }
         let needs = buffers.record_needs(&mut rec);
         add_times(&mut times, rec.submit().wait()?);
-        let found = buffers.parse_needs(&needs.bytes(&self.gpu)?);
+        let found = buffers.parse_needs(&self.gpu, &needs.bytes(&self.gpu)?)?;
         let start = std::time::Instant::now();
         let brute = GpuBrute::new(&self.gpu, view_pixels(job.view))?;
         let sets =
