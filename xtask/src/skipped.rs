@@ -41,6 +41,7 @@ impl Skipped {
 
     fn read(&mut self, lines: impl Iterator<Item = String>, mut pass_on: impl FnMut(&str)) {
         let (mut is_success, mut test) = (false, String::new());
+        let (mut passed, mut skipped) = (Vec::new(), Vec::new());
         for line in lines {
             if line == SUCCESSES {
                 is_success = true;
@@ -48,13 +49,24 @@ impl Skipped {
                 is_success = false;
             }
             if !is_success {
+                passed.extend(
+                    line.strip_suffix(" ... ok")
+                        .and_then(|l| l.strip_prefix("test "))
+                        .map(str::to_owned),
+                );
                 pass_on(&line);
             } else if let Some(name) = heading(&line) {
                 test = name.to_owned();
             } else if let Some(reason) = line.strip_prefix(SKIPPED) {
-                self.add(reason, &test);
+                skipped.push((reason.to_owned(), test.clone()));
             }
         }
+        // What was skipped before and ran now was not skipped.
+        for tests in self.0.values_mut() {
+            tests.retain(|test| !passed.contains(test));
+        }
+        skipped.iter().for_each(|(reason, test)| self.add(reason, test));
+        self.0.retain(|_, tests| !tests.is_empty());
     }
 
     /// Prints the tests, reason by reason.
@@ -73,6 +85,31 @@ fn heading(line: &str) -> Option<&str> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_ran_later_was_not_skipped() {
+        let run = |skipped: &mut Skipped, reason: &str| {
+            let printed = format!(
+                "test a ... ok\ntest b ... ok\nsuccesses:\n---- a stdout ----\n{reason}\ntest result: ok"
+            );
+            skipped.read(printed.lines().map(str::to_owned), |_| ());
+        };
+        let mut skipped = Skipped::default();
+        skipped.add("no driver", "a");
+        skipped.add("no driver", "c");
+        run(&mut skipped, "skipped: no queries");
+        let names = |names: &[&str]| names.iter().map(|&name| name.to_owned()).collect::<Vec<_>>();
+        let found: Vec<_> = skipped.0.clone().into_iter().collect();
+        assert_eq!(
+            found,
+            [("no driver".into(), names(&["c"])), ("no queries".into(), names(&["a"]))]
+        );
+        run(&mut skipped, "FLIP .1");
+        assert_eq!(
+            skipped.0.into_iter().collect::<Vec<_>>(),
+            [("no driver".into(), names(&["c"]))]
+        );
+    }
 
     #[test]
     fn what_tests_say_they_skip_is_found() {

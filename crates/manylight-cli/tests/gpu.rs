@@ -26,11 +26,32 @@ fn devices() -> Vec<Value> {
 
 /// Whether there is a device that can render; without one the test at hand is skipped.
 fn has_device() -> bool {
-    let is_there = devices().iter().any(|device| device["lacks"].is_null());
-    if !is_there {
+    device_for(|_| true).is_some()
+}
+
+/// The first device that can render and is wanted; without one the test at hand is skipped.
+fn device_for(is_wanted: impl Fn(&Value) -> bool) -> Option<Value> {
+    let mut able = devices();
+    able.retain(|device| device["lacks"].is_null());
+    if able.is_empty() {
         skip_without_device("there is no graphics device");
+        return None;
     }
-    is_there
+    let device = able.into_iter().find(is_wanted);
+    if device.is_none() {
+        skip("no graphics device here is emulated");
+    }
+    device
+}
+
+/// The setting that chooses it.
+fn setting_of(device: &Value) -> String {
+    format!("gpu.device=#{}", device["number"])
+}
+
+/// Whether the processor does the work of a device: there its time and memory are known.
+fn is_emulated(device: &Value) -> bool {
+    device["kind"] == "software"
 }
 
 /// One sentence on standard error, and exit code 2.
@@ -94,7 +115,7 @@ fn a_device_that_is_not_there_is_named_with_those_that_are() {
 fn a_device_is_chosen_by_its_number_too() {
     let devices = devices();
     for device in devices.iter().filter(|device| device["lacks"].is_null()) {
-        let set = format!("gpu.device=#{}", device["number"]);
+        let set = setting_of(device);
         let device = device["name"].as_str().expect("a name");
         let quick = ["--size", "16x9", "--frames", "1", "--set", "vpls.count=200", "--json"];
         let args = ["bench", "builtin:cornell", "--backend", "gpu", "--set", &set];
@@ -112,13 +133,10 @@ fn a_device_is_chosen_by_its_number_too() {
 
 #[test]
 fn the_processor_takes_over_from_a_device_that_is_not_done_in_time() {
-    if !has_device() {
-        return;
-    }
-    let devices = devices();
-    let device = devices.iter().find(|device| device["lacks"].is_null()).expect("a device");
-    let name = format!("gpu.device={}", device["name"].as_str().expect("a name"));
-    let few = ["builtin:cornell", "--size", "64x36", "--set", "gpu.timeout=0.001", "--set", &name];
+    let Some(device) = device_for(is_emulated) else { return };
+    let few = ["builtin:cornell", "--size", "64x36", "--set", "gpu.timeout=0.001"];
+    let device = setting_of(&device);
+    let few = [&few[..], &["--set", &device]].concat();
     let bench = [&["bench"], &few[..], &["--frames", "2", "--backend"]].concat();
     for kind in [&[][..], &["--rays"]] {
         let output = manylight(&[&bench[..], &["auto", "--json"], kind].concat());
@@ -137,16 +155,14 @@ fn the_processor_takes_over_from_a_device_that_is_not_done_in_time() {
 #[cfg(debug_assertions)]
 #[test]
 fn what_a_wrong_shader_leaves_behind_is_told() {
-    if !has_device() {
-        return;
-    }
+    let Some(device) = device_for(|_| true) else { return };
+    let device = setting_of(&device);
     let file = "composite/beauty.wgsl";
     let sources = concat!(env!("CARGO_MANIFEST_DIR"), "/../manylight/src");
     let right = std::fs::read_to_string(format!("{sources}/{file}")).expect("a shader");
     let folder = std::env::temp_dir().join(format!("manylight-wrong-{}", std::process::id()));
     std::fs::create_dir_all(folder.join("composite")).expect("a folder");
     let shaders = format!("gpu.shaders={}", folder.display());
-    let device = format!("gpu.device=#{}", devices()[0]["number"]);
     let args = [&RENDER[..], &["--set", &device, "--set", &shaders]].concat();
     let no_number = "bitcast<f32>(0x7fc00000u | index)";
     for (wrong, faults) in [(no_number, ": 432 numbers"), ("vec3f(-9.0)", ": 0 numbers")] {
@@ -163,14 +179,10 @@ fn what_a_wrong_shader_leaves_behind_is_told() {
 #[cfg(target_os = "linux")]
 #[test]
 fn a_device_without_memory_is_a_sentence() {
-    let devices = devices();
-    let is_emulated = |d: &&Value| d["kind"] == "software" && d["lacks"].is_null();
-    let Some(device) = devices.iter().find(is_emulated) else {
-        return skip_without_device("there is no emulated graphics device");
-    };
-    let name = format!("gpu.device={}", device["name"].as_str().expect("a name"));
+    let Some(device) = device_for(is_emulated) else { return };
+    let device = setting_of(&device);
     let mut said = Vec::new();
-    for most in (12..40).step_by(3) {
+    for most in (12..60).step_by(3) {
         let output = Command::new("sh")
             .args(["-c", &format!("ulimit -v {most}00000 && exec \"$@\""), "sh"])
             .args([
@@ -180,8 +192,11 @@ fn a_device_without_memory_is_a_sentence() {
                 "--size",
                 "320x180",
             ])
-            .args(["--backend", "gpu", "--set", &name, "--set", "vpls.count=2500000"])
+            .args(["--backend", "gpu", "--set", &device, "--set", "vpls.count=2500000"])
+            .args(["--threads", "2"])
             .env("XDG_RUNTIME_DIR", std::env::temp_dir())
+            // Room for each thread would come first.
+            .envs([("MALLOC_ARENA_MAX", "2"), ("LP_NUM_THREADS", "2")])
             .output()
             .expect("a shell");
         let message = text(&output.stderr);
@@ -196,12 +211,8 @@ fn a_device_without_memory_is_a_sentence() {
 
 #[test]
 fn a_benchmark_tells_which_features_it_used() {
-    if !has_device() {
-        return;
-    }
-    let devices = devices();
-    let device = devices.iter().find(|device| device["lacks"].is_null()).expect("a device");
-    let name = format!("gpu.device={}", device["name"].as_str().expect("a name"));
+    let Some(device) = device_for(|_| true) else { return };
+    let name = setting_of(&device);
     let used = |sets: &[&str]| {
         let quick = ["--size", "16x9", "--frames", "1", "--set", "vpls.count=200", "--set", &name];
         let args = ["bench", "builtin:cornell", "--backend", "gpu", "--json"];

@@ -505,6 +505,9 @@ mod tests {
             ("interleave", "8"),
             ("film.exposure_ev", "1e9"),
             ("filter.history", "0"),
+            ("gpu.timeout", "0"),
+            ("gpu.timeout", "-1"),
+            ("gpu.timeout", "1e9"),
         ] {
             let mut s = Settings::default();
             s.set(path, text).expect(path);

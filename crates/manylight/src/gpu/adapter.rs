@@ -12,7 +12,7 @@ use std::time::Duration;
 pub(super) const MOST_TEXTURES: u32 = 1024;
 
 /// How to open a device.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct GpuOptions {
     /// Part of the adapter's name, in any case, or `#2`: the second of [`describe_adapters`];
     /// `None`: the fastest.
@@ -22,21 +22,29 @@ pub struct GpuOptions {
     pub base: bool,
     /// Whether a device that is emulated on the processor will do.
     pub software: bool,
-    /// What is used where the device offers it; nothing with `base`.
+    /// What is used where the device offers it; nothing with `base`. Without
+    /// [`Feature::LargeLimits`] lists have at most 128 MiB.
     pub features: Features,
     /// A folder whose shaders stand for those of the program and may change meanwhile; only in
     /// builds with debug assertions.
     pub shaders: Option<PathBuf>,
-    /// After which work that is not done counts as lost; `None`: ten minutes, and without end on a
-    /// device that is emulated on the processor.
+    /// After which work that is not done counts as lost, see [`Gpu::wait`](super::Gpu::wait);
+    /// `None`: ten minutes, and without end on a device that is emulated on the processor.
     pub timeout: Option<Duration>,
 }
 
+impl Default for GpuOptions {
+    /// As the default settings.
+    fn default() -> Self {
+        Self::from(&GpuSettings::default())
+    }
+}
+
 impl From<&GpuSettings> for GpuOptions {
-    /// A device that is emulated will do where it is named.
+    /// A device that is emulated will do where it is named. A time out of range is none.
     fn from(settings: &GpuSettings) -> Self {
         let GpuSettings { device, base, shaders, timeout, .. } = settings;
-        let timeout = timeout.map(Duration::from_secs_f32);
+        let timeout = timeout.and_then(|seconds| Duration::try_from_secs_f32(seconds).ok());
         let shaders = shaders.as_ref().map(PathBuf::from);
         let (software, features) = (device.is_some(), Features::from(settings));
         Self { adapter: device.clone(), base: *base, software, features, shaders, timeout }

@@ -76,7 +76,8 @@ impl Gpu {
             .map_err(|e| device(format!("{} does not open: {e}", description.name)))?;
         let name = format!("{}, {}", description.name, description.driver);
         let mut gpu = Self::with_features(raw, queue, name, features)?;
-        gpu.timeout = options.timeout.or(gpu.timeout);
+        let timeout = Some(TIMEOUT).filter(|_| !gpu.is_emulated());
+        gpu.give_up_after(options.timeout.or(timeout));
         if options.base {
             gpu.bound_loops();
         }
@@ -91,7 +92,8 @@ impl Gpu {
     /// Takes a device that someone else opened. What goes wrong on it is told by the functions that
     /// did it; the device's own handlers are left alone. Of `features` those are used that it was
     /// opened with, but textures are not bound one by one; ray queries also need limits for
-    /// acceleration structures.
+    /// acceleration structures, and without [`Feature::LargeLimits`] lists have at most 128 MiB
+    /// whatever the device allows.
     ///
     /// Make its `wgpu::Instance` without `InstanceFlags::VALIDATION_INDIRECT_CALL`, which is among
     /// the default flags: else wgpu checks each indirect dispatch, some fifty a frame, by one of
@@ -130,11 +132,10 @@ impl Gpu {
             true => device.limits(),
             false => smallest(device.limits()),
         };
-        let is_emulated = device.adapter_info().device_type == wgpu::DeviceType::Cpu;
         let mut gpu = Self {
             features,
             limits,
-            timeout: (!is_emulated).then_some(TIMEOUT),
+            timeout: None,
             bounds_loops: AtomicBool::default(),
             device,
             queue,
@@ -154,6 +155,12 @@ impl Gpu {
         // The kernel that counted turns has no last loop.
         gpu.pipelines = Mutex::default();
         Ok(gpu)
+    }
+
+    /// After which work that is not done counts as lost, see [`Gpu::wait`]; `None`: never, as on a
+    /// device that someone else opened.
+    pub fn give_up_after(&mut self, timeout: Option<Duration>) {
+        self.timeout = timeout;
     }
 
     /// Gives every loop of kernels that are not built yet a counter, so that none can hang the
@@ -207,7 +214,8 @@ impl Gpu {
         self.features
     }
 
-    /// What of it is used of its limits.
+    /// Limits that this library keeps to: those of the device with [`Feature::LargeLimits`], else
+    /// the smallest for lists, buffers and textures.
     pub fn limits(&self) -> &wgpu::Limits {
         &self.limits
     }
@@ -394,8 +402,8 @@ impl Gpu {
 
     /// Waits until all submitted work is done.
     ///
-    /// Errors: what the device reported since it was opened; work that is not done in time, after
-    /// which the device is of no use
+    /// Errors: what the device reported since it was opened; work that is not done in time, whoever
+    /// submitted it, after which the device is of no use
     pub fn wait(&self) -> Result<(), Error> {
         self.check()?;
         let timeout = self.timeout;

@@ -99,7 +99,7 @@ impl Faults {
         let found: [[u32; 2]; MOST_LISTS] = std::array::from_fn(|_| take_record(bytes));
         for (list, [endless, below]) in lists.iter().zip(found) {
             let below = if list.is_light { below } else { 0 };
-            if endless + below > 0 {
+            if endless > 0 || below > 0 {
                 let name = list.words.name();
                 return Err(gpu.problem(&format!(
                     "{endless} numbers of the list of {name} are not finite and {below} are below \

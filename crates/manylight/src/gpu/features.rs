@@ -144,7 +144,8 @@ impl Features {
     /// new goes first.
     pub(super) fn fewer(self) -> Vec<Self> {
         let common = self.without(Feature::RayQueries).without(Feature::Bindless);
-        let mut tried = vec![self, common, Self::NONE];
+        let plain = common.without(Feature::Subgroups).without(Feature::Half);
+        let mut tried = vec![self, common, plain, Self::NONE];
         tried.dedup();
         tried
     }
@@ -212,6 +213,7 @@ mod tests {
             [
                 "subgroups half timestamps large_limits ray_queries bindless",
                 "subgroups half timestamps large_limits",
+                "timestamps large_limits",
                 ""
             ]
         );

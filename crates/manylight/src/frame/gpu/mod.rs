@@ -227,7 +227,10 @@ impl GpuRenderer {
         }
         let recipe = Recipe::new(job.settings, job.seed());
         job.keeps_lights |= job.may_keep && self.has_built(&mut buffers, job.settings, &recipe);
-        if !job.keeps_lights && self.in_flight.counts_on(&buffers) {
+        // Later samples add to what the first one left.
+        let makes_lights = !job.keeps_lights || job.settings.film.samples > 1;
+        if job.sample == 0 && makes_lights && self.in_flight.counts_on(&buffers) {
+            job.keeps_lights = false;
             buffers = self.gpu.guard(|| Buffers::take(None, self, size, job.settings))?;
         }
         for _ in 0..MOST_TRIES {
@@ -237,10 +240,15 @@ impl GpuRenderer {
                 Method::Brute => self.run_brute(&buffers, job, progress),
                 _ => self.run_grid(&buffers, job, history.as_deref_mut()),
             })?;
-            let needs = buffers.parse_needs(&self.gpu, &needs.bytes(&self.gpu)?)?;
+            let bytes = needs.bytes(&self.gpu)?;
+            let needs = buffers.parse_needs(&bytes);
             let lacked;
             (buffers, lacked) =
                 self.gpu.guard(|| buffers.grown(&self.gpu, job.settings, &needs))?;
+            #[cfg(debug_assertions)]
+            if !lacked {
+                buffers.check_faults(&self.gpu, &bytes)?;
+            }
             if let Some(build) = build.filter(|_| !lacked) {
                 buffers.builds().end(build);
             }
@@ -441,7 +449,7 @@ impl GpuRenderer {
         }
         let needs = buffers.record_needs(&mut rec);
         add_times(&mut times, rec.submit().wait()?);
-        let found = buffers.parse_needs(&self.gpu, &needs.bytes(&self.gpu)?)?;
+        let found = buffers.parse_needs(&needs.bytes(&self.gpu)?);
         let start = std::time::Instant::now();
         let brute = GpuBrute::new(&self.gpu, view_pixels(job.view))?;
         let sets =

@@ -302,7 +302,8 @@ fn timestamps_tell_of_every_stage_and_change_no_bit() {
             for name in stages {
                 assert_eq!(names.contains(&name), is_timed, "{name}: {names:?}");
             }
-            assert!(times.iter().all(|time| time.time_ms > 0.0), "{times:?}");
+            let sum: f64 = times.iter().map(|time| time.time_ms).sum();
+            assert_eq!(sum > 0.0, is_timed, "{times:?}");
             let frame = both.engine.render(&both.camera, SIZE, &settings, &|_, _| ());
             let frame = frame.expect("a frame");
             let light = frame.stages.iter().find(|stage| stage.name == "gather light");

@@ -224,9 +224,13 @@ impl Recorded {
         // Others than those it was recorded with have grown, or serve other frames.
         let own = buffers.take_if(|b| b.are_of(&self.origin));
         let Some(own) = own else { return Ok(true) };
-        let needs = own.parse_needs(gpu, bytes)?;
+        let needs = own.parse_needs(bytes);
         let (mut own, lacked) =
             gpu.guard(|| own.grown_since(gpu, &self.settings, &needs, &self.origin))?;
+        #[cfg(debug_assertions)]
+        if !lacked {
+            own.check_faults(gpu, bytes)?;
+        }
         if let Some(build) = self.build.filter(|_| !lacked) {
             own.builds().end(build);
         }

@@ -1,6 +1,7 @@
 //! What frames keep of those before.
 
 use super::*;
+use crate::settings::ShadowSettings;
 
 #[test]
 fn later_frames_need_fewer_dispatches_until_the_lights_change() {
@@ -124,7 +125,7 @@ fn grids_stay_while_only_the_gather_and_the_picture_change() {
         ("rays", |settings, _| settings.shadow.rays = 5),
         ("interleaving", |settings, _| settings.interleave = 2),
         ("evaluations", |settings, _| (settings.grid.alpha, settings.grid.evals) = (None, 4000)),
-        ("the filter", |settings, _| settings.filter.enabled = false),
+        ("samples", |settings, _| settings.film.samples = 2),
         ("the size", |_, size| *size = [48, 36]),
     ];
     for (name, change) in changes {
@@ -151,6 +152,54 @@ fn grids_stay_while_only_the_gather_and_the_picture_change() {
         assert_eq!(kept_room, room, "{name}");
         assert_eq!(last_room, first_room, "{name}: after it");
     }
+
+    // What a gather has learned stays, and does not grow from change to change.
+    let GpuRenderer { gpu, buffers, .. } = rented.renderer();
+    buffers.as_mut().expect("buffers").lose_room(gpu, &base);
+    let more_rays =
+        Settings { shadow: ShadowSettings { rays: 5, ..base.shadow.clone() }, ..base.clone() };
+    let rooms: Vec<_> = (0..3)
+        .map(|_| {
+            for settings in [&base, &more_rays, &base] {
+                rented.renderer().render(&camera, SIZE, settings, &|_, _| ()).expect("frame");
+            }
+            rented.renderer().gpu().bytes()
+        })
+        .collect();
+    assert!(rooms[1] == rooms[0] && rooms[2] == rooms[0], "{rooms:?}");
+}
+
+#[test]
+fn a_picture_of_many_samples_keeps_the_first_and_leaves_frames_alone() {
+    let Some(mut rented) = Rented::new(only_a_lamp) else { return };
+    let camera = rented.camera.clone();
+    let mut base = Settings { seed: 3, ..settings() };
+    base.grid.levels = Some(6);
+    let mut many = base.clone();
+    many.film.samples = 4;
+    let picture = |rented: &mut Rented| {
+        let frame = rented.renderer().render(&camera, SIZE, &many, &|_, _| ());
+        frame.expect("frame").layers.beauty()
+    };
+    let expected = picture(&mut rented);
+    let view = rented.target();
+    let record = |rented: &mut Rented| {
+        let mut encoder = rented.encoder();
+        let (traced, targets) = (EngineReceivers::Traced, composite(&view));
+        let renderer = rented.renderer();
+        let recorded = renderer.record_into(&mut encoder, &camera, &base, 3, traced, &targets);
+        recorded.expect("frame");
+        encoder
+    };
+    for _ in 0..3 {
+        let encoder = record(&mut rented);
+        rented.submit(encoder);
+    }
+    let shown = read(rented.renderer().gpu(), &view);
+    let encoder = record(&mut rented);
+    assert!(picture(&mut rented) == expected, "a sample was lost");
+    rented.renderer().gpu().queue().submit([encoder.finish()]);
+    assert!(read(rented.renderer().gpu(), &view) == shown, "the frame lost its lights");
 }
 
 #[test]
