@@ -89,9 +89,8 @@ mod tests {
     #[test]
     fn what_ran_later_was_not_skipped() {
         let run = |skipped: &mut Skipped, reason: &str| {
-            let printed = format!(
-                "test a ... ok\ntest b ... ok\nsuccesses:\n---- a stdout ----\n{reason}\ntest result: ok"
-            );
+            let passed = "test a ... ok\ntest b ... ok\nsuccesses:\n---- a stdout ----";
+            let printed = format!("{passed}\n{reason}\ntest result: ok");
             skipped.read(printed.lines().map(str::to_owned), |_| ());
         };
         let mut skipped = Skipped::default();
