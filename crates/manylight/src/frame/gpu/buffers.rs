@@ -1,7 +1,7 @@
 //! Everything that a frame works on, kept from frame to frame.
 
 use super::GpuRenderer;
-use super::lights::{Built, Lights, Needs, SetRoom};
+use super::lights::{Built, Lack, Lights, Needs, SetRoom};
 use crate::composite::gpu::GpuLayers;
 use crate::error::Error;
 use crate::filter::gpu::{Filter, Guides};
@@ -337,12 +337,12 @@ impl Buffers {
         }
     }
 
-    /// Forgets how much work light paths and levels were, now and when frames recorded before are
+    /// Lights and grids may be more work than they were, now and when frames recorded before are
     /// looked at: the lights are others.
-    pub fn forget_work(&mut self) {
+    pub fn forget_lights(&mut self) {
         self.lit = Arc::default();
         self.builds.forget();
-        self.forget_learned_work();
+        self.doubt_work();
     }
 
     /// Which lights lie here.
@@ -350,9 +350,9 @@ impl Buffers {
         &mut self.builds
     }
 
-    fn forget_learned_work(&mut self) {
+    fn doubt_work(&mut self) {
         let Work { emitted, bounced, .. } = &mut self.work;
-        emitted.iter_mut().chain(bounced).for_each(Lights::forget_work);
+        emitted.iter_mut().chain(bounced).for_each(Lights::doubt_work);
     }
 
     /// What a frame that is recorded now is recorded with.
@@ -457,7 +457,7 @@ impl Buffers {
         let is_lit_alike = Arc::ptr_eq(&self.lit, &origin.lit);
         let (mut grown, lacked) = self.grown(gpu, settings, needs)?;
         if !is_lit_alike {
-            grown.forget_learned_work();
+            grown.doubt_work();
         }
         Ok((grown, lacked))
     }
@@ -475,16 +475,17 @@ impl Buffers {
         let Work { emitted, bounced, .. } = &mut self.work;
         let sets = [(emitted, &mut room.emitted), (bounced, &mut room.bounced)];
         let sets = sets.into_iter().filter_map(|(lights, room)| Some((lights.as_mut()?, room)));
-        let mut lacked = false;
+        let mut lack = Lack::Nothing;
         for ((lights, set_room), needs) in sets.zip(needs) {
-            lacked |= lights.learn(gpu, settings, needs, set_room);
+            lack = lack.max(lights.learn(gpu, settings, needs, set_room));
             if let Some(grown) = room.gather.grown(&needs.gather) {
                 room.learned = room.learned.with_growth(&room.gather, &grown);
-                (room.gather, lacked) = (grown, true);
+                (room.gather, lack) = (grown, Lack::Memory);
             }
         }
-        if !lacked {
-            return Ok((self, false));
+        if lack != Lack::Memory {
+            self.work.room = room;
+            return Ok((self, lack == Lack::Work));
         }
         let Self { work, .. } = self;
         // What grows must not stand beside what it was.

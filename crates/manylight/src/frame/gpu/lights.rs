@@ -32,6 +32,8 @@ pub(super) struct Gathered {
     level_cap: u32,
     /// Of the last grid that was looked at.
     fine: Option<FineLevels>,
+    /// Whether that was one of other lights.
+    is_doubtful: bool,
 }
 
 /// What of a set stays where all that depends on the picture is made anew.
@@ -58,8 +60,10 @@ struct FineLevels {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct SetRoom {
     grid: Option<GridCapacity>,
-    /// Rounds of light paths.
+    /// Rounds of light paths, where there were once too few.
     rounds: Option<u32>,
+    /// Most that any light's paths have taken.
+    most_rounds: u32,
     /// Most levels, where more would make too many grid lights.
     level_cap: Option<u32>,
 }
@@ -78,6 +82,16 @@ pub(super) struct Needs {
     grid: GridInfo,
     pub gather: GatherStats,
     reach: Reach,
+}
+
+/// What a frame lacked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Lack {
+    Nothing,
+    /// Something that the next frame does by itself.
+    Work,
+    /// Room in its lists.
+    Memory,
 }
 
 /// A set of virtual lights of a frame.
@@ -130,6 +144,7 @@ impl Lights {
             true => Tracer::Emitters(EmitterTracer::new(&making, count)?),
             false => {
                 let mut tracer = VplTracer::new(&making, count, bounces)?;
+                tracer.recall_rounds(room.most_rounds);
                 room.rounds.into_iter().for_each(|rounds| tracer.raise_rounds(rounds));
                 most_rounds.into_iter().for_each(|rounds| tracer.learn_rounds(rounds));
                 Tracer::Paths(Box::new(tracer))
@@ -144,7 +159,7 @@ impl Lights {
         let Gathered { grid, fine, .. } = self.gathered?;
         let most_rounds = match self.tracer {
             Tracer::Emitters(_) => 0,
-            Tracer::Paths(tracer) => tracer.most_taken(),
+            Tracer::Paths(tracer) => tracer.most_taken()[0],
         };
         Some(Built { info: self.vpls.info, grid, fine, most_rounds })
     }
@@ -194,13 +209,13 @@ impl Lights {
         })
     }
 
-    /// Forgets how much work light paths and levels were: the lights are others.
-    pub fn forget_work(&mut self) {
+    /// Light paths and levels may be more work than they were: the lights are others.
+    pub fn doubt_work(&mut self) {
         if let Tracer::Paths(tracer) = &mut self.tracer {
-            tracer.forget_rounds();
+            tracer.doubt_rounds();
         }
         if let Some(gathered) = &mut self.gathered {
-            gathered.fine = None;
+            gathered.is_doubtful = true;
         }
     }
 
@@ -243,31 +258,30 @@ impl Lights {
         }
     }
 
-    /// Learns from what a frame would have needed; whether it lacked any of it.
+    /// Learns from what a frame would have needed, and what it lacked of it.
     pub fn learn(
         &mut self,
         gpu: &Gpu,
         settings: &Settings,
         needs: &Needs,
         room: &mut SetRoom,
-    ) -> bool {
+    ) -> Lack {
         self.info = needs.vpls;
-        let mut lacked = false;
+        let mut lack = Lack::Nothing;
         if let Tracer::Paths(tracer) = &mut self.tracer {
-            lacked = self.info.missing > 0;
-            match lacked {
-                true => {
-                    tracer.raise_rounds(tracer.rounds().saturating_mul(2));
-                    room.rounds = Some(tracer.rounds());
-                }
-                false => tracer.learn_rounds(self.info.rounds),
+            if self.info.missing > 0 {
+                tracer.lack_rounds();
+                lack = Lack::Work;
+            } else {
+                tracer.learn_rounds(self.info.rounds);
             }
+            (room.rounds, room.most_rounds) = (tracer.needed_rounds(), tracer.most_taken()[1]);
         }
-        let Some(gathered) = &mut self.gathered else { return lacked };
+        let Some(gathered) = &mut self.gathered else { return lack };
         (self.grid_lights, self.reach) = (needs.grid.light_count, needs.reach);
         if let Some(capacity) = gathered.build.capacity().grown(gpu, &needs.grid) {
             room.grid = Some(capacity);
-            return true;
+            return Lack::Memory;
         }
         gathered.fine = Some(FineLevels {
             count: fine_levels(&needs.grid),
@@ -275,13 +289,12 @@ impl Lights {
             d_min: settings.vpls.d_min,
             level_cap: gathered.level_cap,
         });
-        match GridRules::new(&settings.grid, 0.0).next_cap(&needs.grid) {
-            None => lacked,
-            cap => {
-                room.level_cap = cap;
-                true
-            }
+        gathered.is_doubtful = false;
+        if let Some(cap) = GridRules::new(&settings.grid, 0.0).next_cap(&needs.grid) {
+            (gathered.level_cap, room.level_cap) = (cap, Some(cap));
+            lack = Lack::Work;
         }
+        lack
     }
 }
 
@@ -315,6 +328,7 @@ impl Gathered {
             out: GatherOut::new(gpu, width, height)?,
             level_cap: room.level_cap.unwrap_or(MAX_LEVELS),
             fine,
+            is_doubtful: false,
         })
     }
 
@@ -325,6 +339,8 @@ impl Gathered {
                 && fine.grid == settings.grid
                 && fine.d_min == settings.vpls.d_min
         };
-        self.fine.as_ref().filter(is_alike).map_or(MAX_LEVELS, |fine| fine.count)
+        // Other lights may need one more.
+        let more = u32::from(self.is_doubtful);
+        self.fine.as_ref().filter(is_alike).map_or(MAX_LEVELS, |fine| fine.count + more)
     }
 }

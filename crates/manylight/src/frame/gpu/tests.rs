@@ -67,7 +67,7 @@ impl Both {
 
     /// With lights of its own, though those of the picture before were made the same way.
     fn on_device(&mut self, size: [usize; 2], settings: &Settings) -> Layers {
-        self.engine.buffers.iter_mut().for_each(Buffers::forget_work);
+        self.engine.buffers.iter_mut().for_each(Buffers::forget_lights);
         let frame = self.engine.render(&self.camera, size, settings, &|_, _| ());
         frame.expect("a frame on the device").layers
     }

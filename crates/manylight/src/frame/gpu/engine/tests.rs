@@ -51,7 +51,7 @@ impl Rented {
     fn render_from(&mut self, camera: &Camera, settings: &Settings, seed: u32) -> Frame {
         let settings = Settings { seed, ..settings.clone() };
         // With lights of its own, though those of the frame before were made the same way.
-        self.renderer().buffers.iter_mut().for_each(Buffers::forget_work);
+        self.renderer().buffers.iter_mut().for_each(Buffers::forget_lights);
         self.renderer().render(camera, SIZE, &settings, &|_, _| ()).expect("frame")
     }
 

@@ -110,8 +110,8 @@ fn a_set_is_the_same_whatever_the_batches_are() {
         tracer.learn_rounds(found.0.rounds);
         assert!(tracer.rounds() == rounds + 1 && rounds + 1 < first_rounds);
         assert!(trace_with(gpu, &lit.scene, &tracer, count, bounces) == found);
-        tracer.forget_rounds();
-        assert_eq!(tracer.rounds(), first_rounds);
+        tracer.doubt_rounds();
+        assert_eq!(tracer.rounds(), (2 * rounds + 2).min(first_rounds));
     }
 }
 
@@ -142,6 +142,12 @@ fn too_few_rounds_are_told_and_more_make_up_for_them() {
     let (info, found) = trace_with(gpu, &lit.scene, &tracer, count, bounces);
     assert_eq!((info.path_count, info.count, info.rounds), (600, found.len() as u32, 3));
     assert_eq!(info.missing, count - info.count);
+    // Fewer lights are as bright together.
+    let total = |lights: &[VplRecord]| {
+        lights.iter().flat_map(|light| light.intensity).map(f64::from).sum::<f64>()
+    };
+    let share = total(&found) / total(&expected.1);
+    assert!((share - 1.0).abs() < 0.1, "{share} of the light by {} of {count}", info.count);
     tracer.set_rounds(30);
     let (info, found) = trace_with(gpu, &lit.scene, &tracer, count, bounces);
     assert!(found == expected.1 && info.missing == 0);
@@ -160,16 +166,23 @@ fn rounds_are_those_of_the_longest_set_and_a_lack_is_not_unlearned() {
     };
     assert!(first > 40, "{first}");
     assert_eq!([learned(16), learned(3), learned(17)], [19, 19, 20]);
-    tracer.forget_rounds();
-    assert_eq!(tracer.rounds(), first);
-    // More than before any set, however few were lacking.
+    // Of other lights, which may need more, but no more than any light.
+    tracer.doubt_rounds();
+    assert_eq!(tracer.rounds(), 36);
     tracer.learn_rounds(3);
-    tracer.raise_rounds(2 * tracer.rounds());
+    assert_eq!((tracer.rounds(), tracer.most_taken()), (4, [3, 17]));
+    tracer.recall_rounds(30);
+    tracer.doubt_rounds();
     assert_eq!(tracer.rounds(), first);
-    tracer.raise_rounds(2 * tracer.rounds());
+    // Fewer than before any set were too few: that tells nothing of those.
+    tracer.learn_rounds(3);
+    tracer.lack_rounds();
+    assert_eq!((tracer.rounds(), tracer.needed_rounds()), (first, None));
+    tracer.lack_rounds();
+    assert_eq!((tracer.rounds(), tracer.needed_rounds()), (2 * first, Some(2 * first)));
     tracer.learn_rounds(3);
     assert_eq!(tracer.rounds(), 2 * first);
-    tracer.forget_rounds();
+    tracer.doubt_rounds();
     assert_eq!(tracer.rounds(), 2 * first);
 }
 

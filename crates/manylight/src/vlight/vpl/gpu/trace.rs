@@ -119,8 +119,10 @@ pub struct VplTracer {
     rounds: u32,
     /// How many of them before a set has told.
     first_rounds: u32,
-    /// Most that a set has taken.
+    /// Most that a set of these lights has taken; 0: none has told.
     most_taken: u32,
+    /// Most that any set has taken.
+    most_ever: u32,
     /// Whether rounds were once too few, so that no set is taken at its word.
     has_lacked: bool,
     slots: Buf<VplRecord>,
@@ -157,6 +159,7 @@ impl VplTracer {
             rounds,
             first_rounds: rounds,
             most_taken: 0,
+            most_ever: 0,
             has_lacked: false,
             slots: memory.list("virtual lights of a batch", (batch * bounces) as usize)?,
             offsets: memory.list("virtual lights per path", batch as usize + 1)?,
@@ -171,23 +174,51 @@ impl VplTracer {
         self.rounds
     }
 
-    /// Rounds that the longest of all sets took, as far as [`VplTracer::learn_rounds`] was told.
-    pub fn most_taken(&self) -> u32 {
-        self.most_taken
+    /// Rounds that the longest set of these lights took, and the longest of all, as far as
+    /// [`VplTracer::learn_rounds`] was told.
+    pub fn most_taken(&self) -> [u32; 2] {
+        [self.most_taken, self.most_ever]
     }
 
-    /// A set took some rounds: as many as the longest of all sets took from now on, and some for
-    /// what the next misses by chance; no fewer than at first if rounds were once too few.
+    /// A set took some rounds: as many as the longest set of these lights took from now on, and
+    /// some for what the next misses by chance; no fewer than at first if those were once too few.
     pub fn learn_rounds(&mut self, taken: u32) {
         self.most_taken = self.most_taken.max(taken);
+        self.recall_rounds(self.most_taken);
         if !self.has_lacked {
             self.set_rounds((self.most_taken + self.most_taken / 8).saturating_add(1));
         }
     }
 
-    /// As many rounds as before any set: the light, or what it meets, is another.
-    pub fn forget_rounds(&mut self) {
-        (self.rounds, self.most_taken) = (self.first_rounds, 0);
+    /// Sets of other lights took some rounds.
+    pub fn recall_rounds(&mut self, taken: u32) {
+        self.most_ever = self.most_ever.max(taken);
+    }
+
+    /// The light, or what it meets, is another: twice as many rounds as any set took, but no more
+    /// than before any set.
+    pub fn doubt_rounds(&mut self) {
+        self.most_taken = 0;
+        self.rounds = self.first_rounds;
+        if self.most_ever > 0 && !self.has_lacked {
+            self.set_rounds(self.most_ever.saturating_mul(2).saturating_add(2));
+            self.rounds = self.rounds.min(self.first_rounds);
+        }
+    }
+
+    /// There were too few rounds, as [`VplInfo::missing`] said: as many as before any set, or twice
+    /// as many if that is how many there were.
+    pub fn lack_rounds(&mut self) {
+        self.recall_rounds(self.rounds);
+        match self.rounds < self.first_rounds {
+            true => self.rounds = self.first_rounds,
+            false => self.raise_rounds(self.rounds.saturating_mul(2)),
+        }
+    }
+
+    /// Rounds that are known to be needed, where those before any set were too few.
+    pub fn needed_rounds(&self) -> Option<u32> {
+        self.has_lacked.then_some(self.first_rounds)
     }
 
     /// At least so many rounds from now on, where [`VplInfo::missing`] said that there were too
