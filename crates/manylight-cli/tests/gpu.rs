@@ -26,18 +26,23 @@ fn devices() -> Vec<Value> {
 
 /// Whether there is a device that can render; without one the test at hand is skipped.
 fn has_device() -> bool {
-    device_for(|_| true).is_some()
+    find_device().is_some()
 }
 
-/// The first device that can render and is wanted; without one the test at hand is skipped.
-fn device_for(is_wanted: impl Fn(&Value) -> bool) -> Option<Value> {
-    let mut able = devices();
-    able.retain(|device| device["lacks"].is_null());
-    if able.is_empty() {
+/// The first device that can render; without one the test at hand is skipped.
+fn find_device() -> Option<Value> {
+    let device = devices().into_iter().find(|device| device["lacks"].is_null());
+    if device.is_none() {
         skip_without_device("there is no graphics device");
-        return None;
     }
-    let device = able.into_iter().find(is_wanted);
+    device
+}
+
+/// The first that the processor does the work of: there its time and memory are known.
+fn find_emulated_device() -> Option<Value> {
+    find_device()?;
+    let is_emulated = |device: &Value| device["lacks"].is_null() && device["kind"] == "software";
+    let device = devices().into_iter().find(is_emulated);
     if device.is_none() {
         skip("no graphics device here is emulated");
     }
@@ -47,11 +52,6 @@ fn device_for(is_wanted: impl Fn(&Value) -> bool) -> Option<Value> {
 /// The setting that chooses it.
 fn setting_of(device: &Value) -> String {
     format!("gpu.device=#{}", device["number"])
-}
-
-/// Whether the processor does the work of a device: there its time and memory are known.
-fn is_emulated(device: &Value) -> bool {
-    device["kind"] == "software"
 }
 
 /// One sentence on standard error, and exit code 2.
@@ -133,7 +133,7 @@ fn a_device_is_chosen_by_its_number_too() {
 
 #[test]
 fn the_processor_takes_over_from_a_device_that_is_not_done_in_time() {
-    let Some(device) = device_for(is_emulated) else { return };
+    let Some(device) = find_emulated_device() else { return };
     let few = ["builtin:cornell", "--size", "64x36", "--set", "gpu.timeout=0.001"];
     let device = setting_of(&device);
     let few = [&few[..], &["--set", &device]].concat();
@@ -155,7 +155,7 @@ fn the_processor_takes_over_from_a_device_that_is_not_done_in_time() {
 #[cfg(debug_assertions)]
 #[test]
 fn what_a_wrong_shader_leaves_behind_is_told() {
-    let Some(device) = device_for(|_| true) else { return };
+    let Some(device) = find_device() else { return };
     let device = setting_of(&device);
     let file = "composite/beauty.wgsl";
     let sources = concat!(env!("CARGO_MANIFEST_DIR"), "/../manylight/src");
@@ -179,7 +179,7 @@ fn what_a_wrong_shader_leaves_behind_is_told() {
 #[cfg(target_os = "linux")]
 #[test]
 fn a_device_without_memory_is_a_sentence() {
-    let Some(device) = device_for(is_emulated) else { return };
+    let Some(device) = find_emulated_device() else { return };
     let device = setting_of(&device);
     let mut said = Vec::new();
     for most in (12..60).step_by(3) {
@@ -211,7 +211,7 @@ fn a_device_without_memory_is_a_sentence() {
 
 #[test]
 fn a_benchmark_tells_which_features_it_used() {
-    let Some(device) = device_for(|_| true) else { return };
+    let Some(device) = find_device() else { return };
     let name = setting_of(&device);
     let used = |sets: &[&str]| {
         let quick = ["--size", "16x9", "--frames", "1", "--set", "vpls.count=200", "--set", &name];

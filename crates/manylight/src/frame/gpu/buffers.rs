@@ -485,6 +485,10 @@ impl Buffers {
         }
         if lack != Lack::Memory {
             self.work.room = room;
+            if lack == Lack::Work {
+                // What is complete may have been written over by this.
+                self.builds.forget();
+            }
             return Ok((self, lack == Lack::Work));
         }
         let Self { work, .. } = self;
@@ -501,6 +505,11 @@ impl Buffers {
     /// Rounds of light paths that a frame records.
     pub fn rounds(&self) -> u32 {
         self.work.bounced.as_ref().map_or(0, Lights::rounds)
+    }
+
+    /// Forgets how many rounds of light paths frames took.
+    pub fn forget_rounds(&mut self) {
+        self.work.bounced.iter_mut().for_each(Lights::forget_rounds);
     }
 
     /// Takes nearly all room from gathers: the next frame will lack it.

@@ -32,8 +32,6 @@ pub(super) struct Gathered {
     level_cap: u32,
     /// Of the last grid that was looked at.
     fine: Option<FineLevels>,
-    /// Whether that was one of other lights.
-    is_doubtful: bool,
 }
 
 /// What of a set stays where all that depends on the picture is made anew.
@@ -215,7 +213,7 @@ impl Lights {
             tracer.doubt_rounds();
         }
         if let Some(gathered) = &mut self.gathered {
-            gathered.is_doubtful = true;
+            gathered.fine = None;
         }
     }
 
@@ -267,13 +265,11 @@ impl Lights {
         room: &mut SetRoom,
     ) -> Lack {
         self.info = needs.vpls;
-        let mut lack = Lack::Nothing;
+        let lack = if self.info.missing > 0 { Lack::Work } else { Lack::Nothing };
         if let Tracer::Paths(tracer) = &mut self.tracer {
-            if self.info.missing > 0 {
-                tracer.lack_rounds();
-                lack = Lack::Work;
-            } else {
-                tracer.learn_rounds(self.info.rounds);
+            match lack {
+                Lack::Nothing => tracer.learn_rounds(self.info.rounds),
+                _ => tracer.lack_rounds(self.info.rounds),
             }
             (room.rounds, room.most_rounds) = (tracer.needed_rounds(), tracer.most_taken()[1]);
         }
@@ -283,18 +279,24 @@ impl Lights {
             room.grid = Some(capacity);
             return Lack::Memory;
         }
+        if lack == Lack::Work {
+            // The grid of all lights is another.
+            gathered.fine = None;
+            return lack;
+        }
         gathered.fine = Some(FineLevels {
             count: fine_levels(&needs.grid),
             grid: settings.grid.clone(),
             d_min: settings.vpls.d_min,
             level_cap: gathered.level_cap,
         });
-        gathered.is_doubtful = false;
-        if let Some(cap) = GridRules::new(&settings.grid, 0.0).next_cap(&needs.grid) {
-            (gathered.level_cap, room.level_cap) = (cap, Some(cap));
-            lack = Lack::Work;
+        match GridRules::new(&settings.grid, 0.0).next_cap(&needs.grid) {
+            None => Lack::Nothing,
+            Some(cap) => {
+                (gathered.level_cap, room.level_cap) = (cap, Some(cap));
+                Lack::Work
+            }
         }
-        lack
     }
 }
 
@@ -304,6 +306,12 @@ impl Lights {
         match &self.tracer {
             Tracer::Emitters(_) => 0,
             Tracer::Paths(tracer) => tracer.rounds(),
+        }
+    }
+
+    pub fn forget_rounds(&mut self) {
+        if let Tracer::Paths(tracer) = &mut self.tracer {
+            tracer.forget_rounds();
         }
     }
 }
@@ -328,7 +336,6 @@ impl Gathered {
             out: GatherOut::new(gpu, width, height)?,
             level_cap: room.level_cap.unwrap_or(MAX_LEVELS),
             fine,
-            is_doubtful: false,
         })
     }
 
@@ -339,8 +346,6 @@ impl Gathered {
                 && fine.grid == settings.grid
                 && fine.d_min == settings.vpls.d_min
         };
-        // Other lights may need one more.
-        let more = u32::from(self.is_doubtful);
-        self.fine.as_ref().filter(is_alike).map_or(MAX_LEVELS, |fine| fine.count + more)
+        self.fine.as_ref().filter(is_alike).map_or(MAX_LEVELS, |fine| fine.count)
     }
 }

@@ -174,11 +174,19 @@ fn rounds_are_those_of_the_longest_set_and_a_lack_is_not_unlearned() {
     tracer.recall_rounds(30);
     tracer.doubt_rounds();
     assert_eq!(tracer.rounds(), first);
-    // Fewer than before any set were too few: that tells nothing of those.
+    // Fewer than before any set were too few: those may do, and fewer will not be taken again.
     tracer.learn_rounds(3);
-    tracer.lack_rounds();
+    tracer.lack_rounds(tracer.rounds());
     assert_eq!((tracer.rounds(), tracer.needed_rounds()), (first, None));
-    tracer.lack_rounds();
+    tracer.learn_rounds(3);
+    assert_eq!(tracer.rounds(), 8);
+    // Three sets were under way when the first was known to lack some.
+    (0..3).for_each(|_| tracer.lack_rounds(8));
+    assert_eq!((tracer.rounds(), tracer.needed_rounds()), (first, None));
+    tracer.learn_rounds(3);
+    assert_eq!(tracer.rounds(), 15);
+    (0..3).for_each(|_| tracer.lack_rounds(15));
+    (0..3).for_each(|_| tracer.lack_rounds(first));
     assert_eq!((tracer.rounds(), tracer.needed_rounds()), (2 * first, Some(2 * first)));
     tracer.learn_rounds(3);
     assert_eq!(tracer.rounds(), 2 * first);

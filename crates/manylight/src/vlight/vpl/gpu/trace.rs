@@ -206,10 +206,15 @@ impl VplTracer {
         }
     }
 
-    /// There were too few rounds, as [`VplInfo::missing`] said: as many as before any set, or twice
-    /// as many if that is how many there were.
-    pub fn lack_rounds(&mut self) {
-        self.recall_rounds(self.rounds);
+    /// So many rounds were too few, as [`VplInfo::missing`] said: half as many again at least from
+    /// now on, and as many as before any set. If those were too few, twice as many; unless there
+    /// are more already, since other sets were begun before this one was known.
+    pub fn lack_rounds(&mut self, taken: u32) {
+        self.most_taken = self.most_taken.max(taken + taken / 2 + 1);
+        self.recall_rounds(self.most_taken);
+        if taken < self.rounds {
+            return;
+        }
         match self.rounds < self.first_rounds {
             true => self.rounds = self.first_rounds,
             false => self.raise_rounds(self.rounds.saturating_mul(2)),
@@ -269,6 +274,14 @@ impl VplTracer {
         let Self { offsets, state, groups, .. } = self;
         let advance = Advance { params, offsets, state, info: &vpls.info, groups };
         rec.dispatch(&advance, [1, 1, 1]);
+    }
+}
+
+#[cfg(test)]
+impl VplTracer {
+    /// As many rounds as before any set.
+    pub fn forget_rounds(&mut self) {
+        (self.rounds, self.most_taken, self.most_ever) = (self.first_rounds, 0, 0);
     }
 }
 

@@ -6,12 +6,11 @@ use crate::settings::ShadowSettings;
 #[test]
 fn later_frames_need_fewer_dispatches_until_the_lights_change() {
     let Some(mut rented) = Rented::new(only_a_lamp) else { return };
-    let (camera, view) = (rented.camera.clone(), rented.target());
+    let (settings, view) = (many_rounds(), rented.target());
     // Each frame makes lights of its own.
     let record = |rented: &mut Rented, seed| {
         let before = rented.renderer().gpu().dispatches();
-        let mut encoder = rented.encoder();
-        rented.record(&mut encoder, &camera, seed, &composite(&view));
+        let encoder = rented.record_with(&settings, seed, &view);
         (rented.renderer().gpu().dispatches() - before, encoder)
     };
     let frame = |rented: &mut Rented, seed| {
@@ -21,7 +20,7 @@ fn later_frames_need_fewer_dispatches_until_the_lights_change() {
     };
     // Before any is known.
     let (first, _) = record(&mut rented, 1);
-    rented.render(&settings(), 1);
+    rented.render(&settings, 1);
     rented.renderer().set_lights(vec![lamp()], None).expect("lights");
     let (doubtful, picture) = frame(&mut rented, 1);
     let (known, other) = frame(&mut rented, 2);
@@ -238,4 +237,122 @@ fn other_settings_keep_what_does_not_depend_on_them() {
     changed.film.samples = 2;
     rented.render(&changed, 3);
     assert!(rented.render(&first, 3).layers.beauty() == before);
+}
+
+/// Settings that take up to fourteen rounds of light paths before any set is known.
+fn many_rounds() -> Settings {
+    let mut settings = settings();
+    (settings.vpls.count, settings.vpls.bounces) = (4000, 64);
+    settings
+}
+
+/// A lamp in front of the box: the farther, the fewer of its light paths find it.
+fn lamp_at(z: f32) -> Vec<Light> {
+    let (position, direction) = (Vec3::new(0.0, 1.0, z), Vec3::NEG_Z);
+    let (intensity, cos_outer, cos_inner) = (Vec3::splat(z * z), 0.9, 0.95);
+    vec![Light::Spot { position, direction, intensity, cos_outer, cos_inner }]
+}
+
+impl Rented {
+    fn record_with(
+        &mut self,
+        settings: &Settings,
+        seed: u32,
+        view: &wgpu::TextureView,
+    ) -> wgpu::CommandEncoder {
+        let (mut encoder, camera) = (self.encoder(), self.camera.clone());
+        let (traced, targets) = (EngineReceivers::Traced, composite(view));
+        let renderer = self.renderer();
+        let recorded =
+            renderer.record_into(&mut encoder, &camera, settings, seed, traced, &targets);
+        recorded.expect("frame");
+        encoder
+    }
+
+    fn rounds(&mut self) -> u32 {
+        self.renderer().buffers.as_ref().expect("buffers").rounds()
+    }
+
+    /// Whether each of some frames lacked light paths, one after another.
+    fn frames(&mut self, settings: &Settings, count: u32, view: &wgpu::TextureView) -> Vec<bool> {
+        let frame = |seed| {
+            let encoder = self.record_with(settings, seed, view);
+            self.submit(encoder)
+        };
+        (0..count).map(frame).collect()
+    }
+}
+
+#[test]
+fn frames_under_way_that_lack_light_paths_ask_for_them_once() {
+    let Some(mut rented) = Rented::new(only_a_lamp) else { return };
+    let (settings, view) = (many_rounds(), rented.target());
+    rented.renderer().set_lights(lamp_at(8.0), None).expect("lights");
+    rented.frames(&settings, 6, &view);
+    let expected = rented.rounds();
+    assert!((16..40).contains(&expected), "{expected} rounds");
+    rented.renderer().buffers = None;
+    rented.renderer().set_lights(vec![lamp()], None).expect("lights");
+    let lacked = rented.frames(&settings, 4, &view);
+    assert!(!lacked[3] && rented.rounds() < 6, "{lacked:?}, {} rounds", rented.rounds());
+    rented.renderer().set_lights(lamp_at(8.0), None).expect("lights");
+    let mut lacked = Vec::new();
+    for turn in 0..5 {
+        let encoders = [0, 1, 2].map(|n| rented.record_with(&settings, 3 * turn + n, &view));
+        for encoder in encoders {
+            rented.renderer().gpu().queue().submit([encoder.finish()]);
+            rented.renderer().gpu().wait().expect("done");
+            lacked.push(rented.renderer().after_submit().expect("looked"));
+        }
+    }
+    assert!(lacked[0] && !lacked[14], "{lacked:?}");
+    assert_eq!(rented.rounds(), expected, "{lacked:?}");
+}
+
+#[test]
+fn complete_lights_that_others_have_written_over_are_not_kept() {
+    let Some(mut rented) = Rented::new(only_a_lamp) else { return };
+    let (settings, view) = (many_rounds(), rented.target());
+    // Room for both lights, and nothing known of either.
+    for lights in [vec![lamp()], lamp_at(7.0)] {
+        rented.renderer().set_lights(lights, None).expect("lights");
+        rented.frames(&settings, 3, &view);
+    }
+    let expected = read(rented.renderer().gpu(), &view);
+    rented.renderer().set_lights(vec![lamp()], None).expect("lights");
+    rented.renderer().buffers.as_mut().expect("buffers").forget_rounds();
+    let of_the_lamp = rented.record_with(&settings, 1, &view);
+    rented.renderer().set_lights(lamp_at(7.0), None).expect("lights");
+    let all = rented.record_with(&settings, 2, &view);
+    assert!(!rented.submit(of_the_lamp), "three rounds are enough for the lamp");
+    let rounds = rented.rounds();
+    let some = rented.record_with(&settings, 2, &view);
+    assert!(!rented.submit(all), "{rounds} rounds");
+    let kept = rented.record_with(&settings, 2, &view);
+    assert!(rented.submit(some), "{rounds} rounds are enough");
+    assert!(rented.submit(kept), "what it kept is complete");
+    for _ in 0..2 {
+        let encoder = rented.record_with(&settings, 2, &view);
+        assert!(!rented.submit(encoder), "lights are still lacking");
+    }
+    assert!(read(rented.renderer().gpu(), &view) == expected);
+}
+
+#[test]
+fn a_picture_of_other_lights_is_that_of_a_new_renderer() {
+    let Some(mut rented) = Rented::new(only_a_lamp) else { return };
+    let (settings, camera) = (many_rounds(), rented.camera.clone());
+    let mut picture = |lights: Vec<Light>, is_new| {
+        rented.renderer().set_lights(lights, None).expect("lights");
+        if is_new {
+            rented.renderer().buffers = None;
+        }
+        let frame = rented.renderer().render(&camera, SIZE, &settings, &|_, _| ());
+        frame.expect("frame").layers.beauty()
+    };
+    for z in [7.0, 12.0] {
+        let expected = picture(lamp_at(z), true);
+        picture(vec![lamp()], true);
+        assert!(picture(lamp_at(z), false) == expected, "{z} m");
+    }
 }
