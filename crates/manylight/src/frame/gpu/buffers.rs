@@ -223,6 +223,11 @@ impl Builds {
         self.is_done && self.begun.as_ref() == Some(recipe)
     }
 
+    /// Whether any lights lie here, complete or not.
+    pub fn has_any(&self) -> bool {
+        self.begun.is_some()
+    }
+
     /// Lights are about to be made; a number for [`Builds::end`].
     pub fn begin(&mut self, recipe: &Recipe) -> u32 {
         self.numbers[1] += 1;

@@ -226,6 +226,8 @@ impl GpuRenderer {
             buffers.forget_levels();
         }
         let recipe = Recipe::new(job.settings, job.seed());
+        // Looking at frames may have made room anew.
+        job.keeps_lights &= buffers.builds().has_any();
         job.keeps_lights |= job.may_keep && self.has_built(&mut buffers, job.settings, &recipe);
         // Later samples add to what the first one left.
         let makes_lights = !job.keeps_lights || job.settings.film.samples > 1;

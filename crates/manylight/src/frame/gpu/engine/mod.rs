@@ -185,9 +185,11 @@ impl GpuRenderer {
 
     /// Takes other sun, point and spot lights and another sky; emissive materials stay what they
     /// are. For frames recorded from now on; the grids of these go on from the levels of those
-    /// before, where pictures of [`GpuRenderer::render`] are as those of a new renderer. Where light
-    /// paths suddenly find far less, frames may have fewer virtual lights than asked for, on average
-    /// of the same energy, until one of them has come back; [`GpuRenderer::after_submit`] tells.
+    /// before, where pictures of [`GpuRenderer::render`] are as those of a new renderer.
+    ///
+    /// Where light paths suddenly find far less, frames may have fewer virtual lights than asked
+    /// for, on average of the same energy, until one of them has come back;
+    /// [`GpuRenderer::after_submit`] tells.
     ///
     /// Errors: nothing in the scene would shine, or more than the device can hold; nothing has
     /// changed then
