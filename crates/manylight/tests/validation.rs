@@ -89,7 +89,7 @@ fn render(options: &GpuOptions) -> Option<()> {
     let options = GpuOptions { software: true, ..options.clone() };
     let opened = Gpu::open(&options);
     let gpu = opened.inspect_err(|reason| skip_without_device(&reason.to_string())).ok()?;
-    if gpu.features() != options.features {
+    if !options.base && gpu.features() != options.features {
         let offered = gpu.features().names().join(" ");
         let rest = format!("{}, which offers no more than {offered}", gpu.name());
         skip_without_feature(&format!("all but what is left on {rest}"));
