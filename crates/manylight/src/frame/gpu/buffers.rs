@@ -223,9 +223,9 @@ impl Builds {
         self.is_done && self.begun.as_ref() == Some(recipe)
     }
 
-    /// Whether any lights lie here, complete or not.
-    pub fn has_any(&self) -> bool {
-        self.begun.is_some()
+    /// Whether lights lie here that are known to be complete.
+    pub fn are_done(&self) -> bool {
+        self.is_done
     }
 
     /// Lights are about to be made; a number for [`Builds::end`].

@@ -294,6 +294,7 @@ impl Lights {
             None => Lack::Nothing,
             Some(cap) => {
                 (gathered.level_cap, room.level_cap) = (cap, Some(cap));
+                gathered.fine = None;
                 Lack::Work
             }
         }

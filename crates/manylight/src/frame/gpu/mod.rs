@@ -36,8 +36,9 @@ use lights::Lights;
 use manylight_scene::Camera;
 use sequence::GpuPast;
 
-/// Times that a frame is rendered again with larger buffers before it gives up.
-const MOST_TRIES: u32 = 16;
+/// Times that a frame is rendered again with larger buffers, more light paths or fewer levels before
+/// it gives up.
+const MOST_TRIES: u32 = 32;
 
 /// A scene on the device: build once, render many frames.
 #[derive(Debug)]
@@ -179,7 +180,7 @@ impl GpuRenderer {
     /// Renders one picture without bringing it back, and tells what its stages took.
     ///
     /// `keeps_lights`: takes virtual lights and grids as the frame before left them, if that had
-    /// the same size and settings. With `filter.temporal` frames follow one another.
+    /// the same size and settings and the scene has the same lights. With `filter.temporal` frames follow one another.
     /// Errors: as [`GpuRenderer::render`]
     pub fn time_frame(
         &mut self,
@@ -226,8 +227,8 @@ impl GpuRenderer {
             buffers.forget_levels();
         }
         let recipe = Recipe::new(job.settings, job.seed());
-        // Looking at frames may have made room anew.
-        job.keeps_lights &= buffers.builds().has_any();
+        // Other lights, or frames that lacked room, may have left none.
+        job.keeps_lights &= buffers.builds().are_done();
         job.keeps_lights |= job.may_keep && self.has_built(&mut buffers, job.settings, &recipe);
         // Later samples add to what the first one left.
         let makes_lights = !job.keeps_lights || job.settings.film.samples > 1;

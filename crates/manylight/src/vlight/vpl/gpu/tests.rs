@@ -185,7 +185,12 @@ fn rounds_are_those_of_the_longest_set_and_a_lack_is_not_unlearned() {
     assert_eq!((tracer.rounds(), tracer.needed_rounds()), (first, None));
     tracer.learn_rounds(3);
     assert_eq!(tracer.rounds(), 15);
-    (0..3).for_each(|_| tracer.lack_rounds(15));
+    // One had fewer than there are now, and as many are too few.
+    tracer.lack_rounds(14);
+    assert_eq!(tracer.rounds(), first);
+    tracer.learn_rounds(3);
+    assert_eq!(tracer.rounds(), 25);
+    (0..3).for_each(|_| tracer.lack_rounds(25));
     (0..3).for_each(|_| tracer.lack_rounds(first));
     assert_eq!((tracer.rounds(), tracer.needed_rounds()), (2 * first, Some(2 * first)));
     tracer.learn_rounds(3);

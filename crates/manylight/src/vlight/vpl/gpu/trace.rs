@@ -210,14 +210,12 @@ impl VplTracer {
     /// now on, and as many as before any set. If those were too few, twice as many; unless there
     /// are more already, since other sets were begun before this one was known.
     pub fn lack_rounds(&mut self, taken: u32) {
-        self.most_taken = self.most_taken.max(taken + taken / 2 + 1);
+        self.most_taken = self.most_taken.max(taken.saturating_add(taken / 2 + 1));
         self.recall_rounds(self.most_taken);
-        if taken < self.rounds {
-            return;
-        }
-        match self.rounds < self.first_rounds {
-            true => self.rounds = self.first_rounds,
-            false => self.raise_rounds(self.rounds.saturating_mul(2)),
+        if taken >= self.rounds.max(self.first_rounds) {
+            self.raise_rounds(taken.saturating_mul(2));
+        } else if self.rounds < self.most_taken {
+            self.rounds = self.rounds.max(self.first_rounds);
         }
     }
 
@@ -233,9 +231,10 @@ impl VplTracer {
         (self.first_rounds, self.has_lacked) = (self.rounds, true);
     }
 
-    /// Never beyond those after which tracing gives up in any case.
+    /// Never far beyond those after which tracing gives up in any case; batches are smaller than
+    /// they might be where a set is nearly complete.
     pub(super) fn set_rounds(&mut self, rounds: u32) {
-        let most = 2 + path_limit(self.count).div_ceil(self.batch.into());
+        let most = 16 + path_limit(self.count).div_ceil(self.batch.into());
         self.rounds = u64::from(rounds).clamp(1, most) as u32;
     }
 
