@@ -36,8 +36,8 @@ use lights::Lights;
 use manylight_scene::Camera;
 use sequence::GpuPast;
 
-/// Times that a frame is rendered again with larger buffers, more light paths or fewer levels before
-/// it gives up.
+/// Times that a frame is rendered again with larger buffers, more light paths or fewer levels
+/// before it gives up.
 const MOST_TRIES: u32 = 32;
 
 /// A scene on the device: build once, render many frames.
@@ -180,7 +180,8 @@ impl GpuRenderer {
     /// Renders one picture without bringing it back, and tells what its stages took.
     ///
     /// `keeps_lights`: takes virtual lights and grids as the frame before left them, if that had
-    /// the same size and settings and the scene has the same lights. With `filter.temporal` frames follow one another.
+    /// the same size and settings and the scene has the same lights. With `filter.temporal` frames
+    /// follow one another.
     /// Errors: as [`GpuRenderer::render`]
     pub fn time_frame(
         &mut self,

@@ -430,6 +430,7 @@ fn real_scenes_look_as_on_the_processor() {
                     if i > 0 {
                         both.camera = load(path).expect("a shot").camera;
                     }
+                    both.check_stages(&name, [64, 36], &settings);
                     let flip = both.check_picture(&name, [64, 36], &settings);
                     println!("{name}: FLIP {flip:.4}, {:.1} s", start.elapsed().as_secs_f64());
                 }

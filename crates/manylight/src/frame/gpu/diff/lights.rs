@@ -211,14 +211,17 @@ fn diff_grid_lights(
     lights.allow(CELLS_ALLOWED)
 }
 
-/// Largest difference of two grid lights, each part by its own scale.
+/// Largest difference of two grid lights, each part by its own scale. Where one has next to nothing
+/// of the lights around it, as beside a wall that lies in a plane of the lattice, nobody knows the
+/// place of that: means count by what they stand for.
 fn difference(a: &GridLightRecord, b: &GridLightRecord, edge: f64, luminance: f64) -> f64 {
     let vector = |a: [f32; 3], b: [f32; 3]| apart_by_axis(a.into(), b.into());
+    let weight = f64::from(a.luminance) / luminance;
     most(
         [
-            vector(a.position, b.position) / edge,
-            vector(a.normal, b.normal),
-            vector(a.variance, b.variance) / (edge * edge),
+            vector(a.position, b.position) / edge * weight,
+            vector(a.normal, b.normal) * weight,
+            vector(a.variance, b.variance) / (edge * edge) * weight,
             vector(a.intensity, b.intensity) / luminance,
             apart(a.luminance, b.luminance) / luminance,
         ]

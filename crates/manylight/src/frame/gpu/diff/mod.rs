@@ -3,8 +3,8 @@
 //! In: a scene on both sides · Out: [`StageDifference`]s, in the order of the stages
 //! Every stage starts from the processor's result of the one before, so that a difference belongs
 //! to the stage that shows it. Numbers agree to 1e-4 of a scale; counts and keys exactly. Where a
-//! ray passes an edge, or a draw falls on a border, rounding decides: a share of such items may
-//! differ.
+//! ray passes an edge, a light lies on the border of a cell, or a draw falls on one, rounding
+//! decides: a share of such items may differ.
 //! Limits: the methods of the grid and of direct light; the first sample, at the pixel's center.
 
 mod lights;
