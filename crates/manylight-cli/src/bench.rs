@@ -9,7 +9,7 @@ use manylight::frame::Past;
 use manylight::frame::gpu::GpuRenderer;
 use manylight::gather::grid::{DETAIL, LightingGrid};
 use manylight::gpu::Gpu;
-use manylight::{Renderer, Settings};
+use manylight::{Method, Renderer, Settings};
 use serde_json::{Value, json};
 use std::io::Write;
 use std::path::PathBuf;
@@ -239,6 +239,11 @@ fn frames(
     args: &BenchArgs,
     is_own_peak: bool,
 ) -> Result<Value, Failure> {
+    if engine.device().is_some() && (settings.method == Method::Path || settings.film.samples > 1) {
+        let problem = "bench: a graphics device is timed by one sample a pixel, and not by method \
+                       path; render tells what such a picture takes, and --backend cpu times it";
+        return Err(problem.into());
+    }
     let mut stages: Vec<(&'static str, Vec<f64>)> = Vec::new();
     let mut totals = Vec::new();
     let mut past = Past::default();

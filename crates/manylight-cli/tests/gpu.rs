@@ -210,6 +210,17 @@ fn a_device_without_memory_is_a_sentence() {
 }
 
 #[test]
+fn a_benchmark_refuses_what_it_would_not_time() {
+    let Some(device) = find_device() else { return };
+    let device = setting_of(&device);
+    let bench =
+        ["bench", "builtin:cornell", "--size", "16x9", "--backend", "gpu", "--set", &device];
+    for set in ["method=path", "film.samples=2"] {
+        assert_refused(&[&bench[..], &["--set", set]].concat(), &["render tells", "--backend cpu"]);
+    }
+}
+
+#[test]
 fn a_benchmark_tells_which_features_it_used() {
     let Some(device) = find_device() else { return };
     let name = setting_of(&device);
