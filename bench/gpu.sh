@@ -10,8 +10,8 @@
 #   DEVICE   part of the device's name; else the fastest one
 #
 # Meant to take under eight minutes on an H200-class device; it has not run on one yet. Every step
-# has a limit of its own, so that one that hangs does not take the others with it, and all end before
-# eight minutes are over; what failed or was left out is listed at the end. The program may be
+# has a limit of its own, so that one that hangs does not take the others with it, and none goes
+# on beyond 475 s; what failed or was left out is listed at the end. The program may be
 # stripped, which leaves a sixth of it.
 set -uo pipefail
 program=$1 scenes=$2 out=$3 device=${4:-}
