@@ -408,13 +408,13 @@ impl Buffers {
 
     /// Brings back what the frame recorded so far would have needed.
     pub fn record_needs(&self, rec: &mut Recorder<'_>) -> Later {
-        let mut records: Vec<_> = self.work.lights().flat_map(Lights::needs_records).collect();
+        let records = self.work.lights().flat_map(Lights::needs_records);
         #[cfg(debug_assertions)]
-        {
+        let records = {
             self.faults.record(rec, &self.suspects());
-            records.push(self.faults.raw());
-        }
-        rec.read_later(&records)
+            records.chain([self.faults.raw()])
+        };
+        rec.read_later(&records.collect::<Vec<_>>())
     }
 
     /// What came back.

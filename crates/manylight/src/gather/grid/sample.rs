@@ -30,6 +30,11 @@ const BLOCK_TILES: usize = 4;
 /// Largest weight of a shadow ray: bounds what one virtual light says about a pixel where it gives
 /// more than its grid light on average, as beside the horizon.
 pub(super) const MOST_WEIGHT: f32 = 2.0;
+/// Variance along an axis, in squared cells, below which lights lie in one plane: what is left when
+/// the squared mean is taken from the mean of squares is rounding there, and would put every other
+/// drawn point behind the wall that the lights are on.
+pub(super) const FLAT: f32 = 1e-5;
+
 /// Irradiance of all receivers from the lights of a grid.
 ///
 /// Shapes: receivers `[h·w]`; out `[h·w]`
@@ -223,13 +228,14 @@ impl Job<'_> {
 
     /// Draws a point from the variance of a grid light (the paper's form).
     fn ray_to_cloud(&self, surface: &SurfacePoint, draw: &Draw, key: u32) -> bool {
-        let record = &level_of(self.grid, draw.level).lights[draw.index as usize];
-        shadow::is_point_seen(self.world, surface, cloud_point(record, key))
+        let level = level_of(self.grid, draw.level);
+        let point = cloud_point(&level.lights[draw.index as usize], level.cell_size, key);
+        shadow::is_point_seen(self.world, surface, point)
     }
 }
 
-/// A point in the spread of a grid light.
-pub(super) fn cloud_point(light: &GridLight, key: u32) -> Vec3 {
+/// A point in the spread of a grid light of a level.
+pub(super) fn cloud_point(light: &GridLight, cell_size: f32, key: u32) -> Vec3 {
     // Sum of three uniforms: close to normal, bounded at three standard deviations.
     let mut state = key;
     let mut uniform = || {
@@ -238,7 +244,9 @@ pub(super) fn cloud_point(light: &GridLight, key: u32) -> Vec3 {
     };
     let mut normal = || uniform() + uniform() + uniform();
     let cloud = Vec3::new(normal(), normal(), normal());
-    light.position + cloud * light.variance.powf(0.5)
+    let least = Vec3::splat(FLAT * cell_size * cell_size);
+    let variance = Vec3::select(light.variance.cmpge(least), light.variance, Vec3::ZERO);
+    light.position + cloud * variance.powf(0.5)
 }
 
 /// The random numbers of a ray by its index among all: for the grid light, and for the virtual

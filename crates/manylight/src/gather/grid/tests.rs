@@ -63,6 +63,27 @@ fn moments_of_every_level_are_those_of_the_lights() {
 }
 
 #[test]
+fn points_drawn_from_the_spread_of_a_wall_lie_on_it() {
+    for (axis, place) in [(0, -3.7123), (1, 0.1), (2, 11.31)] {
+        let on_wall = |mut light: Vpl| {
+            light.position[axis] = place;
+            light
+        };
+        let lights: Vec<Vpl> = lights(20_000).into_iter().map(on_wall).collect();
+        let grid = LightingGrid::build(&lights, &GridSettings::default(), 0.1);
+        let mut apart = 0.0f32;
+        for level in &grid.levels {
+            for (light, key) in level.lights.iter().zip(0..) {
+                let offset = sample::cloud_point(light, level.cell_size, key) - light.position;
+                assert_eq!(offset[axis], 0.0, "{light:?}");
+                apart = apart.max(offset.length() / level.cell_size);
+            }
+        }
+        assert!(apart > 0.5, "points all at the mean");
+    }
+}
+
+#[test]
 fn octants_add_up_to_the_light() {
     let grid = grid_of(8000, 6);
     for level in &grid.levels {

@@ -9,6 +9,7 @@ use crate::gather::grid::gpu::record::{CellRecord, GridLightRecord, OctantsRecor
 use crate::gather::grid::gpu::{GpuGrid, GridBuild, GridCapacity, GridInfo, GridRules, PackedGrid};
 use crate::gpu::Gpu;
 use crate::settings::GridSettings;
+use crate::surface::SurfacePoint;
 use crate::vlight::vpl::gpu::{GpuVpls, VplInfo, VplRecord};
 use crate::vlight::vpl::{Vpl, VplSet};
 use glam::Vec3;
@@ -20,6 +21,9 @@ const PATHS_ALLOWED: f64 = 2e-3;
 const MOST_SKIPPED: usize = 12;
 /// Cells and grid lights that may differ: a light on the face of a cell may lie on either side.
 const CELLS_ALLOWED: f64 = 1e-3;
+
+/// Distance from a plane within which a point lies in it, as a share of the scene's diagonal.
+const PLANE: f32 = 1e-6;
 
 /// Compares a set of virtual lights; lights are the same where they lie in one place.
 pub(super) fn diff_vpls(
@@ -54,6 +58,21 @@ pub(super) fn diff_vpls(
         normals.allow(PATHS_ALLOWED),
         colors([names.vpls, "intensities"], colors_of, 1e-4, PATHS_ALLOWED),
     ]
+}
+
+/// Lights of all levels in the plane of a surface, whose cosines at it are zero on both ends but
+/// for rounding: walls and tables are full of them.
+///
+/// Cost: all lights
+pub(super) fn in_plane(grid: &LightingGrid, surface: &SurfacePoint, diagonal: f32) -> u32 {
+    let most = PLANE * diagonal;
+    let is_in = |&(position, normal): &(Vec3, Vec3)| {
+        let offset = position - surface.position;
+        offset.dot(surface.ns).abs() <= most && offset.dot(normal.normalize_or_zero()).abs() <= most
+    };
+    let points = grid.lights.iter().map(|vpl| (vpl.position, vpl.normal));
+    let means = grid.levels.iter().flat_map(|l| &l.lights).map(|l| (l.position, l.normal));
+    points.chain(means).filter(is_in).count() as u32
 }
 
 /// Pairs of two lists of about the same items in the same order.

@@ -8,10 +8,11 @@ import package::gather::grid::gpu::draws;
 import package::vlight::vpl::record;
 
 @group(0) @binding(0) var<uniform> params: GatherParams;
-@group(0) @binding(1) var<storage, read_write> picks: array<Pick>;
-@group(0) @binding(2) var<storage, read> lights: array<GridLight>;
-@group(0) @binding(3) var<storage, read> vpls: array<Vpl>;
-@group(0) @binding(4) var<storage, read_write> targets: array<vec4f>;
+@group(0) @binding(1) var<uniform> info: GridInfo;
+@group(0) @binding(2) var<storage, read_write> picks: array<Pick>;
+@group(0) @binding(3) var<storage, read> lights: array<GridLight>;
+@group(0) @binding(4) var<storage, read> vpls: array<Vpl>;
+@group(0) @binding(5) var<storage, read_write> targets: array<vec4f>;
 
 // Sum of three uniforms: close to normal, bounded at three standard deviations.
 fn next_normal(state: ptr<function, u32>) -> f32 {
@@ -38,8 +39,9 @@ fn main(
         return;
     }
     let index = light & INDEX_MASK;
+    let level = light >> LEVEL_SHIFT;
     picks[place] = Pick(index | NEEDS_RAY, 1.0);
-    if (light >> LEVEL_SHIFT) == 0u {
+    if level == 0u {
         targets[place] = vec4f(vpls[index].position, 0.0);
         return;
     }
@@ -48,6 +50,8 @@ fn main(
     let x = next_normal(&state);
     let y = next_normal(&state);
     let z = next_normal(&state);
-    let deviation = sqrt(lights[index].variance);
-    targets[place] = vec4f(lights[index].position + vec3f(x, y, z) * deviation, 0.0);
+    let size = cell_size(info, level);
+    let known = lights[index].variance;
+    let variance = select(vec3f(0.0), known, known >= vec3f(FLAT * size * size));
+    targets[place] = vec4f(lights[index].position + vec3f(x, y, z) * sqrt(variance), 0.0);
 }

@@ -67,8 +67,8 @@ kernel! {
     /// Draws a point in the spread of every picked light.
     struct Cloud = "gather/grid/gpu/cloud", [GROUP, 1, 1],
         [CONSTANTS, RECORD_CONSTANTS, SURFACE_CONSTANTS];
-    uniform params: GatherParams, write picks: Pick, read lights: GridLightRecord,
-    read vpls: VplRecord, write targets: [f32; 4]
+    uniform params: GatherParams, shared info: GridInfo, write picks: Pick,
+    read lights: GridLightRecord, read vpls: VplRecord, write targets: [f32; 4]
 }
 
 kernel! {
@@ -397,7 +397,8 @@ impl Gather {
             ),
             ShadowTarget::Variance => {
                 assert!(targets.len() >= picks.len(), "no room for targets in space");
-                rec.dispatch(&Cloud { params, picks, lights, vpls, targets }, groups_of(slice));
+                let cloud = Cloud { params, info, picks, lights, vpls, targets };
+                rec.dispatch(&cloud, groups_of(slice));
             }
         }
     }

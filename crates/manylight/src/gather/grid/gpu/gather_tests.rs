@@ -396,13 +396,13 @@ fn check_target(
     let drawn = run.drawn[place];
     if !run.targets.is_empty() {
         assert_eq!(drawn.geometry, 1.0);
-        let record = match level {
-            0 => None,
-            _ => Some(&grid.levels[level as usize - 1].lights[light as usize]),
-        };
-        let expected = match record {
-            Some(record) => sample::cloud_point(record, hash_u32(SEED ^ hash_u32(index))),
-            None => grid.lights[light as usize].position,
+        let expected = match level {
+            0 => grid.lights[light as usize].position,
+            _ => {
+                let level = &grid.levels[level as usize - 1];
+                let key = hash_u32(SEED ^ hash_u32(index));
+                sample::cloud_point(&level.lights[light as usize], level.cell_size, key)
+            }
         };
         let [x, y, z, _] = run.targets[place];
         let error = (Vec3::new(x, y, z) - expected).abs().max_element();

@@ -78,6 +78,7 @@ pub(super) const CONSTANTS: &[Constant] = &[
     f("REACH_PULL", contribution::REACH_PULL),
     f("REACH_SPREAD", contribution::REACH_SPREAD),
     f("MOST_WEIGHT", sample::MOST_WEIGHT),
+    f("FLAT", sample::FLAT),
     f("PER_DOUBLING", reach::PER_DOUBLING),
     f("LEAST_ALPHA", reach::ALPHAS[0]),
     f("MOST_ALPHA", reach::ALPHAS[1]),
