@@ -5,7 +5,6 @@ use super::{Access, Feature, Features, Gpu, GpuOptions, KernelInfo, SHADERS, Sce
 use crate::error::Error;
 use manylight_testing::{skip_without_device, skip_without_feature};
 use std::sync::OnceLock;
-use wgpu::naga;
 
 /// A device with no more than every device has; without one the test at hand is skipped.
 pub(crate) fn device() -> Option<&'static Gpu> {
@@ -27,8 +26,8 @@ pub(crate) fn device_with(feature: Feature) -> Option<Gpu> {
     opened.inspect_err(|reason| skip_without_feature(reason)).ok()
 }
 
-/// Links, parses and validates a kernel, and compares ports, records and workgroup with it: in the
-/// form that every device can run, and in those for devices that offer more.
+/// Links, parses, validates and writes a kernel, and compares ports, records and workgroup with it:
+/// in the form that every device can run, and in those for devices that offer more.
 pub(crate) fn check_kernel(kernel: &KernelInfo) {
     let name = kernel.shader;
     let text = |features, traits| {
@@ -82,6 +81,7 @@ fn check_bindings(kernel: &KernelInfo, text: &str, features: Features) {
     let info = validator
         .validate(&module)
         .unwrap_or_else(|e| panic!("{name}: {}", e.emit_to_string(text)));
+    check_writers(name, &module, &info, features);
 
     let entry = module.entry_points.iter().position(|e| e.name == "main");
     let entry = entry.unwrap_or_else(|| panic!("{name} has no entry point main"));
@@ -115,6 +115,48 @@ fn check_bindings(kernel: &KernelInfo, text: &str, features: Features) {
     let bound = module.global_variables.iter().filter_map(|(_, v)| v.binding.as_ref());
     let own = bound.filter(|b| b.group == 0).count();
     assert_eq!(own, kernel.ports.len(), "{name}: ports without a binding in the shader");
+}
+
+/// The shader can be written for Vulkan, Metal and DirectX 12; the form that every device can run
+/// in a shader model that DirectX 12 compiles without a library of its own.
+fn check_writers(
+    name: &str,
+    module: &naga::Module,
+    info: &naga::valid::ModuleInfo,
+    features: Features,
+) {
+    use naga::back::{hlsl, msl, spv};
+    let vulkan = spv::Options { lang_version: (1, 4), ..spv::Options::default() };
+    let words = spv::write_vec(module, info, &vulkan, None);
+    assert!(!words.unwrap_or_else(|e| panic!("{name} in SPIR-V: {e}")).is_empty(), "{name}");
+
+    let metal = msl::Options { lang_version: (2, 4), ..msl::Options::default() };
+    let text = msl::write_string(module, info, &metal, &msl::PipelineOptions::default());
+    let (text, info_of) = text.unwrap_or_else(|e| panic!("{name} in MSL: {e}"));
+    for entry in &info_of.entry_point_names {
+        let entry = entry.as_ref().unwrap_or_else(|e| panic!("{name} in MSL: {e}"));
+        assert!(text.contains(entry.as_str()), "{name} in MSL has no {entry}");
+    }
+
+    let shader_model = match features {
+        Features::NONE => hlsl::ShaderModel::V5_1,
+        _ => hlsl::ShaderModel::V6_5,
+    };
+    let (mut text, pipeline) = (String::new(), hlsl::PipelineOptions::default());
+    // As many as the layout of a scene would have.
+    let array = hlsl::BindTarget { binding_array_size: Some(16), ..Default::default() };
+    let is_array = |v: &naga::GlobalVariable| {
+        matches!(module.types[v.ty].inner, naga::TypeInner::BindingArray { .. })
+    };
+    let arrays = module.global_variables.iter().filter(|(_, v)| is_array(v));
+    let arrays = arrays.filter_map(|(_, v)| v.binding).map(|binding| (binding, array));
+    let binding_map = arrays.collect();
+    let direct_x = hlsl::Options { shader_model, binding_map, ..hlsl::Options::default() };
+    let found = hlsl::Writer::new(&mut text, &direct_x, &pipeline).write(module, info, None);
+    for entry in found.unwrap_or_else(|e| panic!("{name} in HLSL: {e}")).entry_point_names {
+        let entry = entry.unwrap_or_else(|e| panic!("{name} in HLSL: {e}"));
+        assert!(text.contains(&entry), "{name} in HLSL has no {entry}");
+    }
 }
 
 fn check_port(
